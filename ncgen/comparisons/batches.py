@@ -15,7 +15,9 @@ from ncgen.mechanism.runtime import Outcome
 from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.methods import ToleranceArguments
 from ncgen.report.repeat import KernelCall, each, runner
-from ncgen.solver.engines.compiled import GROWTH, dynamics, is_emitted
+from ncgen.solver.engines.capabilities import is_emitted
+from ncgen.solver.engines.compiled import GROWTH
+from ncgen.solver.engines.partition_dynamics import dynamics
 from ncgen.solver.motions.batch import BatchTrajectory
 from ncgen.solver.motions.entry_points import accelerations, simulate
 from ncgen.solver.positions.position import TOLERANCE

@@ -100,11 +100,11 @@ def _kernel_rows(records: list[dict]) -> list[tuple[str, ...]]:
     cases = list(dict.fromkeys(r["case"] for r in records))
     rows: list[tuple[str, ...]] = [("", *(LETTERS[case] for case in cases), "quartiles", "ratio", "error")]
     for tool in dict.fromkeys(r["tool"] for r in records):
-        mine = [r for r in records if r["tool"] == tool]
-        errors = [r["error"] for r in mine if r["error"] is not None]
-        last = mine[-1]
+        records_of_tool = [r for r in records if r["tool"] == tool]
+        errors = [r["error"] for r in records_of_tool if r["error"] is not None]
+        last = records_of_tool[-1]
         ratio = f"{last['ratio']:.2f}" if "ratio" in last else ""
-        seconds = {r["case"]: r["seconds"] for r in mine}
+        seconds = {r["case"]: r["seconds"] for r in records_of_tool}
         times = (f"{1e9 * seconds[case]:.0f}" if case in seconds else "" for case in cases)
         rows.append((tool, *times, _quartiles(last), ratio, _error(max(errors, default=None))))
     return rows

@@ -18,8 +18,9 @@ from ncgen.program.ir.cost import cost
 from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.derivative import motion
 from ncgen.report.repeat import OPERATIONS, KernelCall, arithmetic, runner
-from ncgen.solver.engines.compiled import all_coordinates, is_emitted, is_written_out
-from ncgen.solver.engines.compiled import dynamics as dynamics_in_c
+from ncgen.solver.engines.acceleration_forms import all_coordinates, has_emitted_recursion
+from ncgen.solver.engines.capabilities import is_emitted
+from ncgen.solver.engines.partition_dynamics import dynamics as dynamics_in_c
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 
 REFINED = "accelerations, refined"
@@ -88,7 +89,7 @@ def derivative_records(
 def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, part: np.ndarray) -> dict[str, RatedPart]:
     """The derivative that default runs take, if they take one."""
     counts = motion(kernels)
-    if counts is None or not is_written_out(kernels, Method.of("lagrange", "dop853")):
+    if counts is None or not has_emitted_recursion(kernels, Method.of("lagrange", "dop853")):
         return {}
     made = all_coordinates(kernels, form="emitted")
     call = KernelCall(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made))

@@ -14,7 +14,7 @@ from ncgen.comparisons.rivals.base import own_start
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.report.methods import ToleranceArguments
-from ncgen.solver.engines.compiled import is_emitted
+from ncgen.solver.engines.capabilities import is_emitted
 from ncgen.solver.groups import StartArguments
 from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.runs.simulation_options import simulation_of

@@ -70,9 +70,9 @@ def warm(kernels: CompiledKernels, case: Case, **options: Any) -> None:
 def lines(records: list[dict]) -> Iterator[str]:
     """The records as a table, a case after the other."""
     for name in dict.fromkeys(r["case"] for r in records):
-        mine = [r for r in records if r["case"] == name]
-        yield f"{name}: {CASES[name].breaks}; error against {mine[0]['against']}"
-        for r in mine:
+        records_of_case = [r for r in records if r["case"] == name]
+        yield f"{name}: {CASES[name].breaks}; error against {records_of_case[0]['against']}"
+        for r in records_of_case:
             method = f"  {r['formalism']:<24}{r['integrator']:<18}"
             if r["reason"]:
                 yield f"{method}{'':>34}{r['reason']}"

@@ -74,3 +74,8 @@ class Active:
 def is_still(velocity: float, terms: float, drift: float = 0.0) -> bool:
     """Whether something does not move, but for rounding, whose velocity consists of terms and a drift."""
     return bool(runtime_of("double", "events").ncgen_is_still(velocity, terms, drift))
+
+
+def leaves_none(mobility: float, whole: float) -> bool:
+    """Whether nothing can move along a direction of whose mobility with nothing held, `whole`, this is left."""
+    return bool(runtime_of("double", "events").ncgen_is_blocked(mobility, whole))

@@ -72,9 +72,9 @@ class Chain:
         own = np.ascontiguousarray(rates[: self._count])
         masks = [np.array(mask, dtype=np.intc) for mask in (gaps, keeps, signs[: self._count])]
         arguments = [pointer(self._ffi, mask, "int[]") for mask in masks]
-        found = self._library.ncgen_find_first(self._struct, pointer(self._ffi, own), *arguments)
+        first = self._library.ncgen_find_first(self._struct, pointer(self._ffi, own), *arguments)
         signs[: self._count] = masks[-1]
-        return int(found)
+        return int(first)
 
     def set_sides(self, signs: np.ndarray) -> None:
         """Write where conditions go on into signs (C,) or more."""

@@ -71,9 +71,9 @@ def refuse_jumps(kernels: Kernels, p: np.ndarray, q: np.ndarray, breaks: np.ndar
 def _jumps(kernels: Kernels, p: np.ndarray, q: np.ndarray, before: float, after: float) -> bool:
     """Whether a velocity jumps from one time to the next. Raises ModelError where a position does."""
     step, _ = _change(lambda t: kernels.phi(q, t, p), before, after)
-    far = np.abs(step) / kernels.row_sizes
-    if np.max(far, initial=0.0) > SMALLEST_STEP:
-        row = int(np.argmax(far))
+    relative_jump = np.abs(step) / kernels.row_sizes
+    if np.max(relative_jump, initial=0.0) > SMALLEST_STEP:
+        row = int(np.argmax(relative_jump))
         is_driver = kernels.rows[row].owner.kind == "driver"
         raise ModelError(
             f"{kernels.name}: the {kernels.rows[row].label} jumps by {-step[row] if is_driver else step[row]:.4g} at "

@@ -71,13 +71,13 @@ class HeldGaps:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Note:
-    """What happened at an event of motion `owner`; what: 0 it happened, 1 its gap rests, 2 it leaves; found: 0 by its condition, 1 at the
+    """What happened at an event of motion `owner`; what: 0 it happened, 1 its gap rests, 2 it leaves; cause: 0 by its condition, 1 at the
     start, 2 it follows from others, 3 by its load; limit: s, or None; other members as of `Happening`."""
 
     owner: int
     event: int
     what: int
-    found: int
+    cause: int
     t: float
     impulse: float
     lost: float
@@ -178,8 +178,8 @@ class EventRuns:
         self._watched.struct.count = table.count
         self._context = ffi.new_handle(self.listener)
         more = {} if sizes is None else {"sizes": pointer(ffi, sizes)}
-        heard = {"progress": watch("double"), "context": self._context, "attempts_left": self.listener.attempts}
-        return self._new("ncgen_options *", event=self._watched.struct, **heard, **more, **options)
+        callbacks = {"progress": watch("double"), "context": self._context, "attempts_left": self.listener.attempts}
+        return self._new("ncgen_options *", event=self._watched.struct, **callbacks, **more, **options)
 
     def _passage(self) -> dict[str, Any]:
         """What C knows of the events of the present motion."""
@@ -313,17 +313,17 @@ class EventRuns:
     def notes(self) -> list[Note]:
         """Those that have come since the last call."""
         rows, self._log.count = self._rows[: self._log.count].copy(), 0
-        n, found = self._n, []
+        n, notes = self._n, []
         for row in rows:
             owner, event, what, how, t, impulse, lost, limit = row[:STATE].tolist()
             q, before, after = (row[STATE + k * n : STATE + (k + 1) * n] for k in range(3))
             ends = None if limit < 0 else t + limit
-            found.append(
+            notes.append(
                 Note(
                     owner=int(owner),
                     event=int(event),
                     what=int(what),
-                    found=int(how),
+                    cause=int(how),
                     t=t,
                     impulse=impulse,
                     lost=lost,
@@ -333,4 +333,4 @@ class EventRuns:
                     after=after,
                 )
             )
-        return found
+        return notes

@@ -101,12 +101,12 @@ def check_order(order: str, where: str) -> str:
     return one_of(order, f"{where}: order", ORDERS) if order != "" else order
 
 
-def lock(what: str | SymbolicCoordinate) -> Locking:
+def lock(coordinate: str | SymbolicCoordinate) -> Locking:
     """Return the action of an event that locks a coordinate or closes a clutch: `m.event("grip", when=…, do=ncgen.lock("psi"))`.
 
     Parameters
     ----------
-    what : str or coordinate
+    coordinate : str or coordinate
         A coordinate, or the name of a lock or clutch of the model. It stays where it is at that instant until it is freed.
 
     Returns
@@ -114,15 +114,15 @@ def lock(what: str | SymbolicCoordinate) -> Locking:
     Locking
         The action.
     """
-    return Locking(_name_of(what), True)
+    return Locking(_name_of(coordinate), True)
 
 
-def free(what: str | SymbolicCoordinate) -> Locking:
+def free(coordinate: str | SymbolicCoordinate) -> Locking:
     """Return the action of an event that frees what `lock` locks.
 
     Parameters
     ----------
-    what : str or coordinate
+    coordinate : str or coordinate
         A coordinate, or the name of a lock or clutch of the model.
 
     Returns
@@ -130,7 +130,7 @@ def free(what: str | SymbolicCoordinate) -> Locking:
     Locking
         The action.
     """
-    return Locking(_name_of(what), False)
+    return Locking(_name_of(coordinate), False)
 
 
 def _name_of(what: object) -> str:

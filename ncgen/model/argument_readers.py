@@ -61,26 +61,26 @@ def read(model: Contents, word: str, bound: inspect.BoundArguments) -> None:
         bound.arguments[key] = result
 
 
-def own(model: Contents, thing: object, kind: type[E], where: str) -> E:
+def own(model: Contents, reference: object, kind: type[E], where: str) -> E:
     """An element of this model by itself or by its name. Raises ModelError for anything else."""
-    if isinstance(thing, str):
-        if normal(thing) not in model.elements:
-            raise _unknown(kind.word, thing, where)
-        thing = model.elements[normal(thing)]
-    if not isinstance(thing, kind):
-        raise ModelError(f"{where}: {shown(thing)} is not a {kind.word}; give one by itself or by its name")
-    if not isinstance(thing, Constant) and model.elements.get(thing.name) is not thing:
-        raise foreign(where, repr(thing))
-    return thing
+    if isinstance(reference, str):
+        if normal(reference) not in model.elements:
+            raise _unknown(kind.word, reference, where)
+        reference = model.elements[normal(reference)]
+    if not isinstance(reference, kind):
+        raise ModelError(f"{where}: {shown(reference)} is not a {kind.word}; give one by itself or by its name")
+    if not isinstance(reference, Constant) and model.elements.get(reference.name) is not reference:
+        raise foreign(where, repr(reference))
+    return reference
 
 
 def _unknown(what: str, name: str, where: str) -> UnknownName:
     return UnknownName(f"{where}: there is no {what} {shortened(name, MAX_ECHO)}; define it first", normal(name))
 
 
-def own_direction(model: Contents, thing: object, where: str) -> Combination:
+def own_direction(model: Contents, reference: object, where: str) -> Combination:
     """A vector, a segment, or a combination of them with numbers, as a combination; it may have length zero."""
-    direction = thing if isinstance(thing, Combination) else as_combination(own(model, thing, Spatial, where))
+    direction = reference if isinstance(reference, Combination) else as_combination(own(model, reference, Spatial, where))
     for weight, element in direction.terms:
         own(model, element, Spatial, where)
         if not is_number(weight):
@@ -162,64 +162,66 @@ def _law(model: Contents, given: object, where: str) -> Expression:
     return given if is_number(given) else sympy.sympify(result)
 
 
-def coordinate(model: Contents, thing: object, where: str) -> Component | Relative:
+def coordinate(model: Contents, reference: object, where: str) -> Component | Relative:
     """One scalar coordinate that can move: an angle, a length, or a component such as B.x."""
-    if isinstance(thing, str):
-        name, thing = thing, model.bearer(normal(thing))
-        if thing is None:
+    if isinstance(reference, str):
+        name, reference = reference, model.bearer(normal(reference))
+        if reference is None:
             raise _unknown("coordinate", name, where)
-    if isinstance(thing, Spatial):
-        raise ModelError(f"{where}: {thing!r} has three coordinates; name one, such as {shortened(thing.name, MAX_ECHO)}.x")
-    if not isinstance(thing, (Component, Relative)):
-        raise ModelError(f"{where}: {shown(thing)} is not a coordinate; give an angle, a length, or one such as B.x")
-    bearer = model.bearer(thing.name)
-    if not any(each is thing for each in (bearer, *getattr(bearer, "components", ()))):
-        raise foreign(where, thing.name)
-    return thing
+    if isinstance(reference, Spatial):
+        raise ModelError(f"{where}: {reference!r} has three coordinates; name one, such as {shortened(reference.name, MAX_ECHO)}.x")
+    if not isinstance(reference, (Component, Relative)):
+        raise ModelError(f"{where}: {shown(reference)} is not a coordinate; give an angle, a length, or one such as B.x")
+    bearer = model.bearer(reference.name)
+    if not any(each is reference for each in (bearer, *getattr(bearer, "components", ()))):
+        raise foreign(where, reference.name)
+    return reference
 
 
-def _body(model: Contents, thing: object, where: str) -> Body:
-    if isinstance(thing, str):
+def _body(model: Contents, reference: object, where: str) -> Body:
+    if isinstance(reference, str):
         known = {model.ground.name: model.ground, **model.bodies}
-        if normal(thing) not in known:
-            raise _unknown("body", thing, where)
-        thing = known[normal(thing)]
-    if not isinstance(thing, Body):
-        raise ModelError(f"{where}: {shown(thing)} is not a body; give one by itself or by its name")
-    if thing is not model.ground and model.bodies.get(thing.name) is not thing:
-        raise foreign(where, f"body {thing.name}")
-    return thing
+        if normal(reference) not in known:
+            raise _unknown("body", reference, where)
+        reference = known[normal(reference)]
+    if not isinstance(reference, Body):
+        raise ModelError(f"{where}: {shown(reference)} is not a body; give one by itself or by its name")
+    if reference is not model.ground and model.bodies.get(reference.name) is not reference:
+        raise foreign(where, f"body {reference.name}")
+    return reference
 
 
-def _owner(model: Contents, thing: object, where: str) -> Owner:
-    return thing if isinstance(thing, Owner) else Owner("body", _body(model, thing, where).name)
+def _owner(model: Contents, reference: object, where: str) -> Owner:
+    return reference if isinstance(reference, Owner) else Owner("body", _body(model, reference, where).name)
 
 
-def row(model: Contents, thing: object, where: str) -> Row:
+def row(model: Contents, reference: object, where: str) -> Row:
     """A constraint by itself, or by a label that no other one has."""
-    if isinstance(thing, str):
-        rows = [each for each in model.rows if each.label == thing]
+    if isinstance(reference, str):
+        rows = [each for each in model.rows if each.label == reference]
         if not rows:
-            raise ModelError(f"{where}: there is no constraint {shortened(thing, MAX_ECHO)}; give the label of one that stands before it")
+            raise ModelError(
+                f"{where}: there is no constraint {shortened(reference, MAX_ECHO)}; give the label of one that stands before it"
+            )
         if len(rows) > 1:
-            raise ModelError(f"{where}: {len(rows)} constraints have the label {shortened(thing, MAX_ECHO)}; give each its own")
+            raise ModelError(f"{where}: {len(rows)} constraints have the label {shortened(reference, MAX_ECHO)}; give each its own")
         return rows[0]
-    if not isinstance(thing, Row):
-        raise ModelError(f"{where}: {shown(thing)} is not a constraint; give one that m.constrain returned, or its label")
-    if all(each is not thing for each in model.rows):
-        raise foreign(where, f"constraint {thing.label}")
-    return thing
+    if not isinstance(reference, Row):
+        raise ModelError(f"{where}: {shown(reference)} is not a constraint; give one that m.constrain returned, or its label")
+    if all(each is not reference for each in model.rows):
+        raise foreign(where, f"constraint {reference.label}")
+    return reference
 
 
 def _of(kind: type[E]) -> Reader[E]:
-    return lambda model, thing, where: own(model, thing, kind, where)
+    return lambda model, reference, where: own(model, reference, kind, where)
 
 
 def _several(kind: type[E]) -> Reader[tuple[E, ...]]:
-    def reader(model: Contents, things: object, where: str) -> tuple[E, ...]:
-        if isinstance(things, Spatial):
-            things = (things,)
-        return tuple(own(model, each, kind, where) for each in sequence(things, where, f"a list of {kind.word}s, such as [A, B]"))
+    def reader(model: Contents, references: object, where: str) -> tuple[E, ...]:
+        if isinstance(references, Spatial):
+            references = (references,)
+        return tuple(own(model, each, kind, where) for each in sequence(references, where, f"a list of {kind.word}s, such as [A, B]"))
 
     return reader
 

@@ -195,10 +195,10 @@ class Body:
             moment += sympy.Matrix(self.moment(vector))
         return JointLoad(*force), JointLoad(*moment)
 
-    def _load(self, given: Spatial | str, mine: Sequence[Spatial], what: str) -> JointLoad:
-        owner_element = next((e for e in mine if e is given or e.name == given), None)
+    def _load(self, given: Spatial | str, candidates: Sequence[Spatial], what: str) -> JointLoad:
+        owner_element = next((e for e in candidates if e is given or e.name == given), None)
         if owner_element is None:
-            known = ", ".join(e.name for e in mine)
+            known = ", ".join(e.name for e in candidates)
             raise ModelError(f"body {self.name} has no {what} {shown(given)}; give one of its own: {known or 'it has none'}")
         return JointLoad(*map(symbol_of, load_names(self, owner_element)))
 

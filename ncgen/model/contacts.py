@@ -233,9 +233,9 @@ class Contacts(Frictions):
             raise ModelError(f"{where}: the ground is its first body; give the one that moves first")
         if body is on:
             raise ModelError(f"{where}: both sides belong to body {body.name}, whose points keep their distances; give two bodies")
-        for each, its in ((body, point), (on, at)):
-            if its not in each.elements and not (each is self.ground and its.fixed):
-                raise ModelError(f"{where}: {its.name} is not a point of {each.name}; give one of its points")
+        for each, touching_point in ((body, point), (on, at)):
+            if touching_point not in each.elements and not (each is self.ground and touching_point.fixed):
+                raise ModelError(f"{where}: {touching_point.name} is not a point of {each.name}; give one of its points")
 
     def _rub(self, name: str, contact_pair: Touching, friction: Value, tangential: Value, law: str) -> None:
         """Keep the friction of a rigid contact, unless it has none."""

@@ -251,8 +251,8 @@ class Coordinates(Quantities):
             names = mentioned(vector.given, self.parameters)
             raise ModelError(f"vector {vector.name}: its length is 1 only at the default of {names}; divide it by its length")
 
-    def _direction(self, thing: Direction, where: str) -> Combination:
-        direction = own_direction(self, thing, where)
+    def _direction(self, reference: Direction, where: str) -> Combination:
+        direction = own_direction(self, reference, where)
         if not np.linalg.norm(direction.initial) > 0:
             raise ModelError(f"{where}: {direction} has length 0; give points that are apart")
         return direction

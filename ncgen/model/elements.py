@@ -258,6 +258,6 @@ class Combination:
         return "+".join(parts).replace("+-", "-")
 
 
-def as_combination(thing: Direction) -> Combination:
+def as_combination(direction: Direction) -> Combination:
     """A point, a vector or a combination as a combination."""
-    return thing if isinstance(thing, Combination) else Combination(((1.0, thing),))
+    return direction if isinstance(direction, Combination) else Combination(((1.0, direction),))

@@ -131,8 +131,8 @@ class Recorded:
         return monitor(kernels, a["t"], a["q"], a["qd"], a["work"], a["p"], self.names["independent"])
 
     def _check_model(self, kernels: Kernels) -> None:
-        mine = {"coordinates": kernels.coordinates, "parameters": kernels.parameters, "rows": tuple(row.label for row in kernels.rows)}
-        for what, names in mine.items():
+        expected = {"coordinates": kernels.coordinates, "parameters": kernels.parameters, "rows": tuple(row.label for row in kernels.rows)}
+        for what, names in expected.items():
             if self.names[what] != names:
                 raise NcgenError(f"{self.path}: a trajectory of other {what} than those of {kernels.name}; give the model it was run with")
 

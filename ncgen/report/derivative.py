@@ -9,7 +9,8 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.dynamics import accelerations, assemble_motion, cheapest, closing
-from ncgen.solver.engines.compiled import own_positions, samples, split_of
+from ncgen.solver.engines.acceleration_forms import own_positions
+from ncgen.solver.engines.partition_dynamics import samples, split_of
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import choose_partitions
 

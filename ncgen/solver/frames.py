@@ -71,8 +71,8 @@ def _basis(kernels: Kernels, name: str) -> list[Direction]:
 
 
 def _initial(direction: Direction) -> np.ndarray:
-    thing, base = direction
-    return thing.initial - (base.initial if base else 0.0)
+    element, base = direction
+    return element.initial - (base.initial if base else 0.0)
 
 
 def _volume(directions: list[np.ndarray]) -> float:
@@ -81,7 +81,7 @@ def _volume(directions: list[np.ndarray]) -> float:
 
 
 def _directions(basis: list[Direction], value: Evaluation) -> list[np.ndarray]:
-    return [value(thing) - (value(base) if isinstance(base, Point) else 0.0) for thing, base in basis]
+    return [value(element) - (value(base) if isinstance(base, Point) else 0.0) for element, base in basis]
 
 
 def _columns(basis: list[Direction], position: Evaluation) -> np.ndarray:

@@ -30,22 +30,22 @@ def parameters_at(kernels: Kernels, p: np.ndarray | None) -> dict[str, Parameter
     return known if p is None else {k: replace(v, default=float(x)) for (k, v), x in zip(known.items(), p, strict=True)}
 
 
-def element(kernels: Kernels, thing: str | Element, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
+def element(kernels: Kernels, reference: str | Element, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
     """A point or a vector at positions q (…, n), shape (…, 3); an angle, shape (…, 1).
 
     Raises ModelError for a name the model does not have.
     """
-    if isinstance(thing, str):
-        thing = _named(kernels, thing)
-    return np.stack([component(kernels, c, q, p) for c in thing.components], axis=-1)
+    if isinstance(reference, str):
+        reference = _named(kernels, reference)
+    return np.stack([component(kernels, c, q, p) for c in reference.components], axis=-1)
 
 
-def element_rate(kernels: Kernels, thing: str | Element, qd: ArrayLike) -> np.ndarray:
+def element_rate(kernels: Kernels, reference: str | Element, qd: ArrayLike) -> np.ndarray:
     """The velocity of an element: fixed components stand still."""
-    if isinstance(thing, str):
-        thing = _named(kernels, thing)
+    if isinstance(reference, str):
+        reference = _named(kernels, reference)
     qd = np.asarray(qd)
-    parts = [np.zeros(qd.shape[:-1]) if c.fixed else qd[..., kernels.index[c.name]] for c in thing.components]
+    parts = [np.zeros(qd.shape[:-1]) if c.fixed else qd[..., kernels.index[c.name]] for c in reference.components]
     return np.stack(parts, axis=-1)
 
 
@@ -91,9 +91,9 @@ def _collect_arms(kernels: Kernels, p: np.ndarray) -> Arms:
     wanted = [d for angle in angles(kernels) for d in (angle.start, angle.end, angle.axis)]
     fixed, entries = np.zeros(3 * len(wanted)), []
     for place, combination in enumerate(wanted):
-        for weight, thing in combination.terms:
+        for weight, reference in combination.terms:
             weight = evaluate(weight, parameters, str(combination))
-            for row, c in enumerate(thing.components, 3 * place):
+            for row, c in enumerate(reference.components, 3 * place):
                 if c.fixed:
                     fixed[row] += weight * evaluate(c.value, parameters, c.name)
                 else:

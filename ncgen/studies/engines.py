@@ -191,26 +191,26 @@ def cluster(address: str, workers: int | None) -> Iterator[tuple[Executor, int]]
         from distributed import Client, LocalCluster  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise NcgenError("a cluster needs Dask, which is not installed; pip install 'ncgen[cluster]'") from error
-    things: list[Any] = []
+    resources: list[Any] = []
     try:
         if address == "local":
             quiet = {"dashboard_address": None, "silence_logs": logging.ERROR}  # a chunk that is given up is nothing to warn of
-            things.append(LocalCluster(n_workers=workers, threads_per_worker=1, **quiet))
-            things.append(Client(things[0]))
+            resources.append(LocalCluster(n_workers=workers, threads_per_worker=1, **quiet))
+            resources.append(Client(resources[0]))
         else:
             try:
-                things.append(Client(address, timeout=10))
+                resources.append(Client(address, timeout=10))
             except (OSError, ValueError) as error:
                 raise NcgenError(f"cluster {address}: no scheduler answers there ({error}); give its address, or 'local'") from error
-        client = things[-1]
+        client = resources[-1]
         yield client.get_executor(pure=False, retries=LOSSES), max(1, sum(client.nthreads().values()))
     finally:
         # Workers take a second or two to end, for which nobody waits but the end of Python.
-        threading.Thread(target=_close, args=(things,)).start()
+        threading.Thread(target=_close, args=(resources,)).start()
 
 
-def _close(things: list[Any]) -> None:
+def _close(resources: list[Any]) -> None:
     """Close a client, then its cluster."""
-    for thing in reversed(things):
+    for resource in reversed(resources):
         with suppress(Exception):
-            thing.close(timeout=2)
+            resource.close(timeout=2)

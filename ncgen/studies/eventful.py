@@ -88,7 +88,7 @@ class EventfulVariants:
         many = ManyRuns(kernels=kernels, run=self.run, method=self.method, motions=motions)
         many.carry_out(thread_count(threads, kernels.name), progress)
         given = dict(enumerate(starts))
-        return {given[k]: found for k in sorted(many.carried) if (found := self._kept(many, k))}
+        return {given[k]: values for k in sorted(many.carried) if (values := self._kept(many, k))}
 
     def _start(self, row: np.ndarray) -> Start | None:
         """Where a variant starts; None where that is impossible, or a warning has to be given."""

@@ -17,7 +17,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.derivatives.sensitivity import Motion, motion_of
-from ncgen.solver.engines.compiled import is_written_out
+from ncgen.solver.engines.acceleration_forms import has_emitted_recursion
 from ncgen.solver.groups import StartArguments
 from ncgen.solver.trajectories.output_values import output_slopes, outputs_of
 from ncgen.studies import extremes
@@ -51,7 +51,7 @@ class Slopes:
         """Whose steps are differentiated."""
         named = self.study.simulation.get("integrator", DEFAULT_INTEGRATOR)
         entry = INTEGRATORS.get(named)
-        usable = entry is not None and entry.tableau and is_written_out(self.kernels, Method.of("lagrange", named))
+        usable = entry is not None and entry.tableau and has_emitted_recursion(self.kernels, Method.of("lagrange", named))
         return named if usable else DEFAULT_INTEGRATOR
 
     def __str__(self) -> str:

@@ -63,10 +63,10 @@ class Folder:
     @classmethod
     def of(cls, path: Path, study: Study, made_with: str) -> Folder:
         """The folder of a study, new or to go on with. Raises NcgenError where another study lies in it, or where it cannot be written."""
-        mine = manifest(study, made_with)
+        expected = manifest(study, made_with)
         if is_there(path / MANIFEST):
             folder = cls.at(path)
-            folder._check(mine)
+            folder._check(expected)
             return folder
         try:
             strange = is_there(path) and (not is_folder(path) or any(entry.name != LOCK for entry in path.iterdir()))
@@ -74,8 +74,8 @@ class Folder:
             raise NcgenError(f"{path}: {error.strerror or error}; give another folder") from error
         if strange:
             raise NcgenError(f"{path}: it is no folder of a study, and not empty; give another folder")
-        write_text(path / MANIFEST, json.dumps(mine, indent=1) + "\n")
-        return cls(path, mine)
+        write_text(path / MANIFEST, json.dumps(expected, indent=1) + "\n")
+        return cls(path, expected)
 
     @classmethod
     def at(cls, path: Path) -> Folder:
@@ -92,9 +92,9 @@ class Folder:
             raise NcgenError(f"{path}: it has format {shown(manifest['format'])}; this ncgen reads {FORMAT}")
         return cls(path, manifest)
 
-    def _check(self, mine: Mapping[str, Any]) -> None:
+    def _check(self, expected: Mapping[str, Any]) -> None:
         """Raise NcgenError unless the folder's manifest is that of a study."""
-        for key, value in mine.items():
+        for key, value in expected.items():
             if key in MAY_DIFFER or (present := self.manifest.get(key)) == value:
                 continue
             what = {"study": "another study", "ncgen": f"results of ncgen {shown(present)[1:-1]}, not {value}"}

@@ -190,8 +190,8 @@ def _refuse_rates(expression: Scalar, coordinates: Iterable[Component], what: st
         raise ModelError(f"{what} does not depend on velocities, here on {rates[0]}; {remedy}")
 
 
-def _words(things: Iterable[Component | Parameter]) -> tuple[str, ...]:
-    return tuple(thing.name for thing in things)
+def _words(named: Iterable[Component | Parameter]) -> tuple[str, ...]:
+    return tuple(each.name for each in named)
 
 
 def _load(names: ModelNames, load: Load) -> Term:

@@ -233,12 +233,12 @@ def varying_force(
     import sympy
 
     assert kind.forces is not None, f"{kind.key} has a tension"
-    mine, data = tuple(f"law.{name}" for name in coordinates), tuple(f"law.{name}" for name in numbers)
+    law_scalars, data = tuple(f"law.{name}" for name in coordinates), tuple(f"law.{name}" for name in numbers)
     old = [*symbols(coordinates), *rates(coordinates), *symbols(numbers)]
-    rules = dict(zip(old, [*symbols(mine), *rates(mine), *symbols(data)], strict=True))
+    rules = dict(zip(old, [*symbols(law_scalars), *rates(law_scalars), *symbols(data)], strict=True))
     constants = {name: replaced(e, rules) for name, e in zip(kind.data, written, strict=True)}
     outputs = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **constants)
-    scalars = (*sum(map(vector, kind.vectors), ()), *mine)
+    scalars = (*sum(map(vector, kind.vectors), ()), *law_scalars)
     return Template(
         key=key,
         equation=kind.equation,

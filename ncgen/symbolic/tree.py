@@ -91,9 +91,9 @@ def spanning_tree(model: Model) -> Tree:
             continue
         taken.add(body)
         links.append(TreeLink(body, *best[body]))
-        mine = set(body.elements)
+        own_elements = set(body.elements)
         for other in {user: None for element in body.elements for user in users[element] if user not in taken}:
-            shared = [e for e in other.elements if e in mine]
+            shared = [e for e in other.elements if e in own_elements]
             if len(screws := joint_between(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
                 best[other] = (len(links) - 1, screws)
                 heappush(heap, (len(screws), rank[other]))

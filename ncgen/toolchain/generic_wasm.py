@@ -51,12 +51,12 @@ LINKED = Module(
     lambda: runtime_files(*HEADERS),
     ("-Os", "-Wl,--export-table", "-Wl,--growable-table", "-Wl,--export=__heap_base"),
 )
-PLAIN = LINKED._replace(
+WITHOUT_EVENTS = LINKED._replace(
     runtime=("ncgen_breaks.c",), others=lambda: runtime_files(*HEADERS, "ncgen_held.h", "ncgen_modes.h", "ncgen_no_events.c")
 )
 """For mechanisms without events, which do without a third of the module."""
 
-NAMES = {GENERIC: "ncgen_generic", LINKED: "ncgen_linked", PLAIN: "ncgen_linked_plain"}
+NAMES = {GENERIC: "ncgen_generic", LINKED: "ncgen_linked", WITHOUT_EVENTS: "ncgen_linked_plain"}
 
 FILE = GENERIC.file
 

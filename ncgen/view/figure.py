@@ -161,8 +161,8 @@ def _draw(axes: Axes, scene: Scene, frame: int, names: bool) -> None:
 def _limits(scene: Scene) -> np.ndarray:
     """The box (m), shape (2, 3), that holds points and arrows at all times, never thinner than a third of its length."""
     tips = [scene.positions[:, arrow.point] + scene.arrow_length * arrow.direction for arrow in scene.arrows]
-    everything = np.concatenate([scene.positions.reshape(-1, 3), scene.bounds, *tips])
-    low, high = everything.min(axis=0), everything.max(axis=0)
+    points = np.concatenate([scene.positions.reshape(-1, 3), scene.bounds, *tips])
+    low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, scene.size / 6) + 0.08 * scene.size
     low, high = middle - half, middle + half
     if scene.has_shapes:

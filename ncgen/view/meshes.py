@@ -173,9 +173,9 @@ def _merged(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tuple[np
     normal = np.cross(b - a, c - a)  # of length twice the area, so that large triangles count more
     quadric, moment = np.zeros((clusters, 3, 3)), np.zeros((clusters, 3))
     for k in range(3):
-        mine = owner[triangles[:, k]]
-        np.add.at(quadric, mine, normal[:, :, None] * normal[:, None, :])
-        np.add.at(moment, mine, normal * (normal * (a - middle[mine])).sum(axis=1, keepdims=True))
+        clusters_of = owner[triangles[:, k]]
+        np.add.at(quadric, clusters_of, normal[:, :, None] * normal[:, None, :])
+        np.add.at(moment, clusters_of, normal * (normal * (a - middle[clusters_of])).sum(axis=1, keepdims=True))
     held = DAMPED * np.trace(quadric, axis1=1, axis2=2) + 1e-300
     step = np.linalg.solve(quadric + held[:, None, None] * np.eye(3), moment[..., None])[..., 0]
     width = _cells(vertices, count)[2]

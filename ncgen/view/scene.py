@@ -92,8 +92,8 @@ class Scene:
     @cached_property
     def bounds(self) -> np.ndarray:
         """Lowest and highest coordinates of all points and shapes at all times (m), shape (2, 3)."""
-        everything = [self.positions.reshape(-1, 3), *(self._reach(surface).reshape(-1, 3) for surface in self.surfaces)]
-        return np.array([np.min([e.min(axis=0) for e in everything], axis=0), np.max([e.max(axis=0) for e in everything], axis=0)])
+        points = [self.positions.reshape(-1, 3), *(self._reach(surface).reshape(-1, 3) for surface in self.surfaces)]
+        return np.array([np.min([e.min(axis=0) for e in points], axis=0), np.max([e.max(axis=0) for e in points], axis=0)])
 
     def _reach(self, surface: Surface) -> np.ndarray:
         """What a shape reaches to (K, R, 3)."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import Moving, Stepping
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms, capabilities, compiled
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.rank import freedom
@@ -33,7 +33,7 @@ def apart(kernels: Kernels, seed: int) -> float:
 
 
 def _accelerations(kernels: Kernels, form: compiled.Form, q: np.ndarray, qd: np.ndarray, p: np.ndarray) -> np.ndarray:
-    dynamics = compiled.all_coordinates(compiled.checked_compiled(kernels), form=form)
+    dynamics = acceleration_forms.all_coordinates(capabilities.checked_compiled(kernels), form=form)
     moving = Moving(Stepping(dynamics, "dop853", freedom(kernels).rank, 1e-8, 1e-10, None, 1e-12))
     moving.q[:], moving.qd[:], moving.p[:] = q, qd, p
     assert moving.evaluate() == "ok"

@@ -19,7 +19,7 @@ from ncgen.program.motions import dynamics
 from ncgen.program.motions.motion import assemble_motions
 from ncgen.program.tree.rates import NoRecursion
 from ncgen.program.tree.recursion import assemble_recursions
-from ncgen.solver.engines.compiled import samples, split_of
+from ncgen.solver.engines.partition_dynamics import samples, split_of
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.positions.rank import scaled_jacobian
 

@@ -16,7 +16,7 @@ from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import capabilities
 from ncgen.solver.positions.open_tree import open_tree
 
 MANY = int(os.environ.get("NCGEN_ABUSE_COUNT", 2000)) // 2
@@ -31,7 +31,7 @@ def compare(seed: int, counts: Counter) -> str | None:
             counts["no open tree"] += 1
             return None
         kernels = ncgen.compile(kernels.model, "c")
-        if compiled.refusal(kernels, Method.of("lagrange", "dop853"), "c", "double"):
+        if capabilities.refusal(kernels, Method.of("lagrange", "dop853"), "c", "double"):
             counts["not in C"] += 1
             return None
         difference = apart(kernels, seed)

@@ -42,8 +42,9 @@ from ncgen.program.programs import Split
 from ncgen.report.clock import Run, measure, repeated
 from ncgen.report.derivative import motion
 from ncgen.report.repeat import KernelCall, runner
-from ncgen.solver.engines.compiled import all_coordinates, dynamics, split_of
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.engines.acceleration_forms import all_coordinates
+from ncgen.solver.engines.partition_dynamics import dynamics, split_of
+from ncgen.solver.motions.entry_points import simulate
 
 COUNTS = (7, 20, 50)
 """Joints."""

@@ -29,7 +29,7 @@ from ncgen.model.facts import Fact
 from ncgen.model.values import Value, as_sympy, is_number
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.dynamics import assemble_motion
-from ncgen.solver.engines.compiled import own_positions
+from ncgen.solver.engines.acceleration_forms import own_positions
 
 LENGTHS: Mapping[str, tuple[str, ...]] = {
     "point": ("position",),

@@ -26,7 +26,9 @@ from ncgen.model import Model
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.dynamics import assemble_motion
 from ncgen.program.programs import EMISSIONS
-from ncgen.solver.engines.compiled import dynamics, is_emitted, own_positions
+from ncgen.solver.engines.acceleration_forms import own_positions
+from ncgen.solver.engines.capabilities import is_emitted
+from ncgen.solver.engines.partition_dynamics import dynamics
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS, find_compiler
 

@@ -29,7 +29,7 @@ from ncgen.report.methods import ToleranceArguments
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, StepStart, motion
 from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.integrators.solvers import ODE_SOLVERS
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.entry_points import simulate
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.start import begin

@@ -13,7 +13,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.report.repeat import KernelCall, runner
-from ncgen.solver.engines.compiled import is_emitted
+from ncgen.solver.engines.capabilities import is_emitted
 
 POSITIONS = 1000
 REACH = 1.0

@@ -25,7 +25,7 @@ from ncgen.exchange.examples import example_names
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
 from ncgen.report.repeat import runner
-from ncgen.solver.engines.compiled import split_of
+from ncgen.solver.engines.partition_dynamics import split_of
 
 Sections = Iterator[tuple[str, list[dict]]]
 

@@ -18,8 +18,8 @@ from ncgen.comparisons.rivals.exact import DIGITS
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import repeated
-from ncgen.solver.engines.compiled import dynamics as dynamics_in_c
-from ncgen.solver.engines.compiled import is_emitted
+from ncgen.solver.engines.capabilities import is_emitted
+from ncgen.solver.engines.partition_dynamics import dynamics as dynamics_in_c
 from ncgen.solver.formalisms.coordinate_partitioning import StepStart, motion, motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
 

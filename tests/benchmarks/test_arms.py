@@ -8,7 +8,7 @@ from benchmarks.rivals import articulated
 from ncgen.comparisons import derivative_parts
 from ncgen.exchange.examples import example_module
 from ncgen.report import clock
-from ncgen.solver.engines.compiled import split_of
+from ncgen.solver.engines.partition_dynamics import split_of
 from ncgen.solver.positions.partition import choose_partitions
 
 

@@ -13,7 +13,7 @@ from ncgen.exchange.examples import load
 from ncgen.model import arithmetic
 from ncgen.program.programs import Programs
 from ncgen.resources import folder
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms
 
 ROUNDED = {
     np.linalg: ("norm", "solve", "lstsq", "det", "svd", "eigvalsh", "inv"),
@@ -68,7 +68,7 @@ def test_written_motions(name, other_processor, monkeypatch):
         from ncgen.mechanism.motion_sources import motion_source
 
         kernels = ncgen.compile(load(name), backend="numpy")
-        return "".join(motion_source(kernels, lambda: compiled.own_positions(kernels), "motion").values())
+        return "".join(motion_source(kernels, lambda: acceleration_forms.own_positions(kernels), "motion").values())
 
     rounded = text()
     monkeypatch.undo()

@@ -70,6 +70,12 @@ def test_kinks_at_zero():
     assert found == [(pytest.approx(2.0, rel=1e-12), "interval")]
 
 
+def test_a_plateau_at_zero():
+    """It is zero up to 2 s, by terms that cancel, and rises from there on: nothing crosses."""
+    for when in (lambda s, m: sp.Max(s, 2) - 2, lambda s, m: sp.Abs(s - 2) + (s - 2), lambda s, m: sp.sin(sp.Abs(s - 2) + (s - 2))):
+        assert times(when, 3.0, "rising") == [] and times(when, 3.0, "falling") == []
+
+
 def test_poles_and_jumps():
     """A tangent rises through zero, and falls over it at its pole, where it has no bounds."""
     found = times(lambda s, m: sp.tan(s) - 1, direction="rising")

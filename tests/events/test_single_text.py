@@ -15,6 +15,7 @@ RULES = {
     "laws of impact": (r"restitution[\])]*\s*\*|1 \+ [^\n]*restitution", "ncgen_contact_laws.c ncgen_impulses.c"),
     "least squares of impulses": (r"nnls|lstsq|most_lacking", "ncgen_contact_laws.c"),
     "what its load does not allow": (r"load_tolerance|slack_before|friction_reserve|reserve = ", "ncgen_active.c"),
+    "what cannot move": (r"1\.?0?e-0?9\)? \* whole|least_mobility", "ncgen_active.c"),
     "standstill": (r"standstill|velocity_tolerance", "ncgen_active.c"),
     "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
 }

@@ -61,7 +61,7 @@ def test_what_is_laid_out_keeps_its_numbers():
 @pytest.mark.parametrize("wrong", ["q", "velocities", "p", "sizes", "movable"])
 def test_a_run_in_c_reads_what_there_is(wrong):
     """The last line before C: an array of another size that came past all checks is refused there."""
-    from ncgen.solver.engines.compiled import all_coordinates
+    from ncgen.solver.engines.acceleration_forms import all_coordinates
 
     kernels = ncgen.compile(ncgen.load("pendulum"))
     given = {"q": kernels.q0, "velocities": np.zeros(kernels.n), "p": kernels.p0, "sizes": np.ones(2 * kernels.n + 1)}

@@ -34,7 +34,8 @@ from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.report.repeat import KernelCall, runner
-from ncgen.solver.engines.compiled import all_coordinates, closeness
+from ncgen.solver.engines.acceleration_forms import all_coordinates
+from ncgen.solver.engines.capabilities import closeness
 from ncgen.solver.positions.position import TOLERANCE, solve_position
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
 

@@ -15,7 +15,7 @@ from ncgen.program.motions.dynamics import DynamicsPrograms, newton
 from ncgen.program.programs import Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions
 from ncgen.program.tree.rates import NoRecursion
-from ncgen.solver.engines.compiled import samples, split_of
+from ncgen.solver.engines.partition_dynamics import samples, split_of
 from ncgen.solver.positions.partition import choose_partitions
 
 

@@ -14,7 +14,7 @@ from ncgen.exchange.examples import example_names, load
 from ncgen.program.ir.cost import cost
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.dynamics import assemble_motion
-from ncgen.solver.engines.compiled import own_positions
+from ncgen.solver.engines.acceleration_forms import own_positions
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.symbolic.tree import spanning_tree
 

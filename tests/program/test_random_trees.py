@@ -18,7 +18,7 @@ from ncgen.exchange.examples import example_module
 from ncgen.model.elements import Spatial
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.motion import assemble_motions
-from ncgen.solver.engines.compiled import own_positions
+from ncgen.solver.engines.acceleration_forms import own_positions
 from ncgen.solver.positions.rank import scaled_jacobian
 
 BUILD = example_module("tree").build

@@ -20,7 +20,7 @@ from ncgen.program.motions import dynamics
 from ncgen.program.programs import Split
 from ncgen.program.tree.rates import NoRecursion
 from ncgen.program.tree.recursion import Recursion, assemble_recursions
-from ncgen.solver.engines.compiled import samples
+from ncgen.solver.engines.partition_dynamics import samples
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.symbolic.tree import spanning_tree
 

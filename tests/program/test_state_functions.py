@@ -15,7 +15,7 @@ from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.motions.dynamics import accelerations, cheapest
 from ncgen.program.motions.state_functions import StateFunction, closed_functions, open_functions, operations, with_derivatives
-from ncgen.solver.engines.compiled import samples, split_of
+from ncgen.solver.engines.partition_dynamics import samples, split_of
 from ncgen.solver.joints.joint_space import joint_space
 from ncgen.solver.positions.partition import choose_partitions
 

@@ -26,7 +26,7 @@ from ncgen.model.names import word
 from ncgen.program.ir.cost import cost
 from ncgen.report.clock import measure, repeated
 from ncgen.report.repeat import KernelCall, runner
-from ncgen.solver.engines.compiled import all_coordinates
+from ncgen.solver.engines.acceleration_forms import all_coordinates
 from ncgen.solver.frames import angular_velocity, transformation
 
 STATES, FALL = 20, 0.2

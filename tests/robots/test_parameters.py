@@ -11,7 +11,7 @@ from ncgen.errors import ModelError
 from ncgen.exchange.toml_reader import model_of
 from ncgen.exchange.toml_writer import to_toml
 from ncgen.program.motions.dynamics import assemble_motion
-from ncgen.solver.engines.compiled import own_positions
+from ncgen.solver.engines.acceleration_forms import own_positions
 from ncgen.solver.motions.step_preparation import outputs_at
 from tests.robots.test_link_frames import ARM
 

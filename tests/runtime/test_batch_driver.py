@@ -11,7 +11,7 @@ from ncgen.emit.c.files import dynamics_files, model_files
 from ncgen.emit.runtime_files import HEADERS, runtime_files
 from ncgen.mechanism.batch_runs import SOURCES
 from ncgen.mechanism.kernel_batch import SOURCES as KERNELS
-from ncgen.solver.engines.compiled import dynamics
+from ncgen.solver.engines.partition_dynamics import dynamics
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import choose_partitions
 

@@ -9,7 +9,7 @@ import ncgen
 from ncgen.emit.runtime_files import runtime_text, widest_tableau
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.positions.rank import freedom
 
 
@@ -24,10 +24,10 @@ def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int,
 @pytest.mark.parametrize("method", ["dop853", "rk4"])
 def test_workspace(name, method):
     kernels = ncgen.compile(ncgen.load(name))
-    if compiled.refusal(kernels, Method.of("lagrange", method), "c", "double"):
+    if capabilities.refusal(kernels, Method.of("lagrange", method), "c", "double"):
         pytest.skip("it does not run in C")
     for form in ("dense", "emitted"):
-        dynamics = compiled.all_coordinates(kernels, form=form)
+        dynamics = acceleration_forms.all_coordinates(kernels, form=form)
         rank = freedom(kernels).rank
         moving = Moving(Stepping(dynamics, method, rank, 1e-8, 1e-10, None, 1e-12))
         prepared = dynamics.prepared

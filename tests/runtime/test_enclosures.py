@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import mpmath
 import numpy as np
 import pytest
 from enclosing import Enclosing
+
+from ncgen.emit.runtime_files import runtime_text
+from ncgen.program.motions.condition_formulas import KINDS
 
 TWO = ("add", "sub", "mul", "div", "atan2")
 
@@ -45,6 +50,14 @@ def arguments(name, random, degree):
             c[0] = abs(c[0])
             c[1:] *= 0.7 * c[0] / max(np.sum(np.abs(c[1:])), c[0])
         yield c
+
+
+def test_operations_in_c():
+    """Kinds of operations have the same numbers in C."""
+    text = runtime_text("ncgen_runtime.h")
+    names = re.findall(r"NCGEN_FORMULA_(\w+)", text[text.index("enum {\n    NCGEN_FORMULA_") :].split("};")[0])
+    other = {"number": "const", "time": "t", "parameter": "p", "subtract": "sub", "multiply": "mul", "divide": "div", "negate": "neg"}
+    assert tuple(other.get(name.lower(), name.lower()) for name in names) == tuple({"pieces": "lookup"}.get(k, k) for k in KINDS)
 
 
 @pytest.mark.parametrize("degree", [8, 14])

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 import ncgen
 from ncgen.errors import ModelError
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import partition_dynamics
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import acceleration_jacobians, partitioned_jacobian
@@ -56,7 +56,7 @@ def test_jacobian_of_independent_coordinates(name):
     kernels = kernels_of(name)
     partitions, now = state(kernels)
     z = partitions.velocity.independent
-    found = compiled.dynamics(kernels, partitions, "dense", now.q, kernels.p0).jacobian(T, now.q, now.qd[z], kernels.p0)
+    found = partition_dynamics.dynamics(kernels, partitions, "dense", now.q, kernels.p0).jacobian(T, now.q, now.qd[z], kernels.p0)
     known = partitioned_jacobian(kernels, partitions, now, kernels.p0)[: len(found), :-1]
     assert len(found) == (len(known.T) if name == "disc" else len(z))  # rolling: positions do not follow from as many velocities
     assert found == pytest.approx(known, abs=1e-10 * np.max(np.abs(known)))

@@ -8,7 +8,7 @@ import pytest
 import ncgen
 from ncgen.exchange.examples import load
 from ncgen.methods.table import FORMALISMS, number_in_c
-from ncgen.solver.engines.compiled import all_coordinates
+from ncgen.solver.engines.acceleration_forms import all_coordinates
 
 
 def crank_rocker() -> ncgen.Model:

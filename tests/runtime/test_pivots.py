@@ -12,7 +12,7 @@ from ncgen.program.algebra.elimination import factor, solve, solve_refined
 from ncgen.program.ir.blocks import Program, Store, Straight
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.graph import Graph
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import partition_dynamics
 from ncgen.solver.positions.partition import choose_partitions
 
 
@@ -34,7 +34,7 @@ def test_a_zero_pivot_is_repeated_and_counted(square, method):
     python = ncgen.simulate(square, 0.1, points=2, z=["B.x"], integrator="dop853", rtol=1e-11, atol=1e-12, engine="python")
     later = python.q[-1]
     partitions = choose_partitions(square, later, 0.1, square.p0, ("B.x",))
-    emitted = compiled.dynamics(square, partitions, "emitted", later, square.p0)
+    emitted = partition_dynamics.dynamics(square, partitions, "emitted", later, square.p0)
     jacobian = square.jacobian(square.q0)
     assert np.sum(jacobian[np.ix_(partitions.position.rows[1:], [square.index["C.x"], square.index["C.y"]])] == 0.0) == 2
     given = (method, [0.0, 0.1], square.q0, np.zeros(1), square.p0)
@@ -84,7 +84,7 @@ def fourbar():
     """Kernels, a start, and the dynamics that are written out for it."""
     kernels = ncgen.compile(ncgen.load("fourbar"), backend="c")
     q = ncgen.assemble(kernels)
-    return kernels, q, compiled.dynamics(kernels, choose_partitions(kernels, q, independent=("psi",)), "emitted", q, kernels.p0)
+    return kernels, q, partition_dynamics.dynamics(kernels, choose_partitions(kernels, q, independent=("psi",)), "emitted", q, kernels.p0)
 
 
 @pytest.mark.parametrize("method", ["dop853", "radau"])

@@ -13,7 +13,7 @@ from ncgen.exchange.examples import example_module
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
 from ncgen.model import Model
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
 from ncgen.symbolic.tree import Tree, TreeLink, by_depth
@@ -30,13 +30,13 @@ def test_a_long_arm_begins_without_dense_matrices(monkeypatch):
     monkeypatch.setattr(type(kernels), "_dense", lambda *a: made.append(a))
     for _ in range(2):
         assert ncgen.simulate(kernels, 0.01, points=2).engine == "tree"
-    assert compiled.all_coordinates(kernels, form="tree").singular_mass
+    assert acceleration_forms.all_coordinates(kernels, form="tree").singular_mass
     assert not made
 
 
 def test_a_long_arm_takes_tables_by_itself():
     kernels = ncgen.compile(example_module("arm").build(70))
-    assert compiled.form_of(kernels, Method.of("lagrange", "dop853")) == "tree"
+    assert acceleration_forms.form_of(kernels, Method.of("lagrange", "dop853")) == "tree"
     run = ncgen.simulate(kernels, 0.3, points=4, zd0={"psi1": 0.5, "psi3": -0.4})
     other = ncgen.simulate(kernels, 0.3, points=4, zd0={"psi1": 0.5, "psi3": -0.4}, engine="c")
     assert (run.engine, other.engine) == ("tree", "c")
@@ -47,14 +47,14 @@ def test_a_long_arm_takes_tables_by_itself():
 
 def test_more_effort_writes_out_what_has_tables(monkeypatch):
     """The same motion, by kernels that say so after they were pickled, too."""
-    model = example_module("arm").build(compiled.FEW_RATES + 1)
+    model = example_module("arm").build(acceleration_forms.FEW_RATES + 1)
     quick, long = ncgen.compile(model), ncgen.compile(model, effort="most")
     runs = [ncgen.simulate(kernels, 0.1, points=2) for kernels in (quick, long)]
     assert [run.engine for run in runs] == ["tree", "emitted"]
     assert np.max(np.abs(runs[0].q - runs[1].q) / quick.column_sizes) < 1e-7
     again = pickle.loads(pickle.dumps(long))
-    assert again.effort == "most" and compiled.form_of(again, Method.of("lagrange", "dop853")) == "emitted"
-    monkeypatch.setattr(compiled, "MOST_RATES", compiled.FEW_RATES)
+    assert again.effort == "most" and acceleration_forms.form_of(again, Method.of("lagrange", "dop853")) == "emitted"
+    monkeypatch.setattr(acceleration_forms, "MOST_RATES", acceleration_forms.FEW_RATES)
     assert ncgen.simulate(long.driven_by(None), 0.01, points=2).engine == "emitted"
 
 
@@ -89,7 +89,7 @@ def crane():
 
 
 def moving(kernels, form):
-    dynamics = compiled.all_coordinates(compiled.checked_compiled(kernels), form=form)
+    dynamics = acceleration_forms.all_coordinates(capabilities.checked_compiled(kernels), form=form)
     found = Moving(Stepping(dynamics, "dop853", freedom(kernels).rank, 1e-8, 1e-10, None, 1e-12))
     found.p[:] = kernels.p0
     return found
@@ -136,8 +136,8 @@ def test_stiffness_is_seen_alike_in_both_forms(monkeypatch, integrator):
     for angle, damping in zip(model.chosen_independent, (5.0, 5.0, 5.0, 20.0, 50.0, 100.0), strict=True):
         model.torsion_spring(model.elements[angle], damping=damping)
     runs = []
-    for most in (0, compiled.MOST_RATES):
-        monkeypatch.setattr(compiled, "MOST_RATES", most)
+    for most in (0, acceleration_forms.MOST_RATES):
+        monkeypatch.setattr(acceleration_forms, "MOST_RATES", most)
         kernels = ncgen.compile(model, backend="c")
         start = {name: 0.5 * (-1) ** i for i, name in enumerate(model.chosen_independent)}
         runs.append(ncgen.simulate(kernels, 0.5, rtol=1e-6, points=6, zd0=start, **({"integrator": integrator} if integrator else {})))

@@ -10,7 +10,7 @@ import ncgen
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.tree.couplings import NoTables, couplings, followed
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms
 from ncgen.solver.positions import rank
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
@@ -49,7 +49,9 @@ def gripper(tmp_path_factory):
 
 
 def moving(kernels, form):
-    found = Moving(Stepping(compiled.all_coordinates(kernels, form=form), "dop853", freedom(kernels).rank, 1e-8, 1e-10, None, 1e-12))
+    found = Moving(
+        Stepping(acceleration_forms.all_coordinates(kernels, form=form), "dop853", freedom(kernels).rank, 1e-8, 1e-10, None, 1e-12)
+    )
     found.p[:] = kernels.p0
     return found
 
@@ -100,7 +102,7 @@ def test_velocities_are_projected_with_the_least_kinetic_energy(gripper):
 
 
 def test_the_written_out_run_takes_the_same_steps(gripper, monkeypatch):
-    monkeypatch.setattr(compiled, "MOST_RATES", 0)
+    monkeypatch.setattr(acceleration_forms, "MOST_RATES", 0)
     tabled = ncgen.simulate(ncgen.compile(gripper.model, backend="c"), 1.0)
     monkeypatch.undo()
     emitted = ncgen.simulate(ncgen.compile(gripper.model, backend="c"), 1.0)
@@ -150,7 +152,7 @@ def test_one_position_with_other_velocities(gripper):
 
 def test_an_implicit_method_moves_groups_by_their_first_joint(gripper, monkeypatch):
     """Radau in the degrees of freedom of joints that follow none: the motion of the explicit method, with few Jacobians."""
-    monkeypatch.setattr(compiled, "MOST_RATES", 0)
+    monkeypatch.setattr(acceleration_forms, "MOST_RATES", 0)
     start = {"arm": 0.5, "turn": -0.4}
     start = {name: start.get(name, 0.0) for name in gripper.model.chosen_independent}
     run = ncgen.simulate(gripper, 0.5, rtol=1e-7, points=3, zd0=start, integrator="radau")

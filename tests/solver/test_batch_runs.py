@@ -14,7 +14,7 @@ from scipy.special import ellipk
 
 import ncgen
 from ncgen.exchange.examples import example_module
-from ncgen.solver.engines.compiled import dynamics
+from ncgen.solver.engines.partition_dynamics import dynamics
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.positions.position import residual

@@ -23,7 +23,7 @@ from ncgen.program.motions.state_functions import (
     open_functions,
     with_derivatives,
 )
-from ncgen.solver.engines.compiled import samples, split_of
+from ncgen.solver.engines.partition_dynamics import samples, split_of
 from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.trajectories.output_values import uses_loads

@@ -34,7 +34,7 @@ from ncgen.program.ir.cost import cost
 from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
 from ncgen.program.motions.output_programs import assemble_outputs
-from ncgen.solver.engines.compiled import own_positions
+from ncgen.solver.engines.acceleration_forms import own_positions
 from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.name_lists import listed_names

@@ -13,7 +13,7 @@ from ncgen.exchange.export.held_mechanism import GAP, JOINT, LOCK, RATCHET
 from ncgen.exchange.export.package import Package
 from ncgen.program.algebra.quasidefinite import Elimination
 from ncgen.program.ir.blocks import Pattern, Program
-from ncgen.toolchain.generic_wasm import LINKED, PLAIN, binary
+from ncgen.toolchain.generic_wasm import LINKED, WITHOUT_EVENTS, binary
 
 CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM HAPPENED STOPPED STATE FUNCTIONS WORDS".split())
 """What the wrapper calls its constants: no class can be called so."""
@@ -60,7 +60,7 @@ def assembled(package: Package, kernels: Iterable[Program], title: str) -> tuple
     kernels = list(kernels)
     switches = [package.switching.program] if package.switching else []
     programs = [*kernels, *package.outputs[:1], *switches, *(package.events.programs if package.events else []), *_held_programs(package)]
-    runtime = binary(LINKED if package.events else PLAIN)
+    runtime = binary(LINKED if package.events else WITHOUT_EVENTS)
     made = linked_module(programs, package.prefix, _integers(package), _numbers(package), {LINK: runtime})
     return made, package.records | {
         "title": title,

@@ -170,8 +170,8 @@ def warn_of(left_out: Iterable[str], file: str, stacklevel: int) -> None:
     acting = [parted(sentence) for sentence in left_out if changes_motion(sentence)]
     count = sum(number for _, number in acting)
     if count:
-        things = "thing that changes the motion is" if count == 1 else "things that change the motion are"
+        nouns = "thing that changes the motion is" if count == 1 else "things that change the motion are"
         warnings.warn(
-            f"{file}: {count} {things} {NOT_MODELLED}, {acting[0][0]} first; model.left_out and `ncgen inspect` list all",
+            f"{file}: {count} {nouns} {NOT_MODELLED}, {acting[0][0]} first; model.left_out and `ncgen inspect` list all",
             stacklevel=stacklevel + 1,
         )

@@ -241,16 +241,16 @@ class _Assembly:
     def _gap(self, each: Closure, frames: Frames) -> np.ndarray:
         """How far a closure is open: metres over the robot's size, and rad; in the frame of the parent."""
         turn, shift = _between(each, frames)
-        far = shift / self.size
+        distance = shift / self.size
         match each.kind:
             case "spherical":
-                return far
+                return distance
             case "revolute":
-                return np.concatenate([far, np.cross(each.axis, turn @ each.axis)])
+                return np.concatenate([distance, np.cross(each.axis, turn @ each.axis)])
             case "prismatic":
-                return np.concatenate([far - (far @ each.axis) * each.axis, rotation_vector(turn)])
+                return np.concatenate([distance - (distance @ each.axis) * each.axis, rotation_vector(turn)])
             case _:
-                return np.concatenate([far, rotation_vector(turn)])
+                return np.concatenate([distance, rotation_vector(turn)])
 
     def _jacobian(self, frames: Frames) -> np.ndarray:
         """How the residual changes with a step, but for the curvature of rotations that are still open."""
@@ -286,13 +286,13 @@ class _Assembly:
                 sign = 1.0 if joint.name in on_b else -1.0
                 across, _ = _after(frames[each.parent], each.on_parent)
                 _, end = _after(frames[each.child], each.on_child)
-                far = across.T @ (axis if origin is None else np.cross(axis, end - origin)) * (sign / self.size)
+                distance = across.T @ (axis if origin is None else np.cross(axis, end - origin)) * (sign / self.size)
                 turn = np.zeros(3) if origin is None else sign * (across.T @ axis)
                 if each.kind == "revolute":
                     turn = np.cross(each.axis, np.cross(turn, _between(each, frames)[0] @ each.axis))
                 elif each.kind == "prismatic":
-                    far = far - (far @ each.axis) * each.axis
-                column[row : row + height] += np.concatenate([far, turn])[:height]
+                    distance = distance - (distance @ each.axis) * each.axis
+                column[row : row + height] += np.concatenate([distance, turn])[:height]
             row += height
 
     def _path(self, link: str) -> frozenset[str]:
@@ -330,11 +330,11 @@ class _Assembly:
         frames = self._frames(values)
         worst = max(self.closures, key=lambda each: float(np.max(np.abs(self._gap(each, frames)))))
         turn, shift = _between(worst, frames)
-        far, turned = (
+        distance, turned = (
             float(np.linalg.norm(shift)),
             "" if worst.kind == "spherical" else f" and {np.linalg.norm(rotation_vector(turn)):.3g} rad",
         )
-        gap = f"{far:.3g} m" if far >= 1 else f"{1e3 * far:.3g} mm"
+        gap = f"{distance:.3g} m" if distance >= 1 else f"{1e3 * distance:.3g} mm"
         return refused(
             worst.where,
             f"loop {worst.name} cannot close{which}: its frames stay {gap}{turned} apart, wherever the joints are; "

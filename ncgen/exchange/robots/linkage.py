@@ -117,8 +117,8 @@ class _Linkage:
         for other in self.parts[: len(self.tree.links) + 1]:
             home = None if other is self.world else self.parts.index(other) - 1
             shared = [e for e in link.body.elements if e in other.elements]
-            mine = [e for e in shared if self.tree.home.get(e) == home and (link.parent is None or e not in carrier)]
-            if other is part or home == link.parent or not mine:
+            own_elements = [e for e in shared if self.tree.home.get(e) == home and (link.parent is None or e not in carrier)]
+            if other is part or home == link.parent or not own_elements:
                 continue
             screws = joint_between(link.body, shared, slides.get(frozenset({other.body or link.body, link.body})))
             self._join(self._free(f"loop_{other.name}_{part.name}"), other, part, screws, closes=True)

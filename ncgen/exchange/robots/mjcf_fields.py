@@ -250,8 +250,8 @@ def touching(m: Compiled) -> int:
     kinds, which = np.unique(np.stack([m.geom_contype, m.geom_conaffinity, body], axis=1), axis=0, return_inverse=True)
     if len(kinds) > GROUPS:
         return int(np.sum((np.asarray(m.geom_contype) | np.asarray(m.geom_conaffinity)) != 0))
-    mine, theirs, bodies = kinds.T
-    meet = (((mine[:, None] & theirs) | (theirs[:, None] & mine)) != 0) & (bodies[:, None] != bodies)
+    contact_types, affinities, bodies = kinds.T
+    meet = (((contact_types[:, None] & affinities) | (affinities[:, None] & contact_types)) != 0) & (bodies[:, None] != bodies)
     if not off(m, KEEP_PARENTS):
         parents = np.asarray(m.body_weldid)[np.asarray(m.body_parentid)[bodies]]
         neighbours = ((bodies[:, None] == parents) | (parents[:, None] == bodies)) & (bodies[:, None] != 0) & (bodies != 0)

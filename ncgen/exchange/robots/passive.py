@@ -129,10 +129,10 @@ def _spring_of_place(model: Model, body: Body, joint: Joint, origin: np.ndarray,
     import sympy
 
     place = point_of(model, body, origin)
-    far = expressions(place) - sympy.Matrix(origin.tolist())
-    size = sympy.sqrt(far.dot(far) + LEAST_SINE**2)
+    offset = expressions(place) - sympy.Matrix(origin.tolist())
+    size = sympy.sqrt(offset.dot(offset) + LEAST_SINE**2)
     axes = [sympy.Matrix(axis) for axis in np.eye(3).tolist()]
-    force = -_stiffness(joint, size) * far - _damped(joint, expressions(place, 1), axes)
+    force = -_stiffness(joint, size) * offset - _damped(joint, expressions(place, 1), axes)
     first = body.points[0]
     model.force(first, list(force), f"{label}, force")
     arm = expressions(place) - expressions(as_combination(first))

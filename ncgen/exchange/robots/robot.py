@@ -329,13 +329,13 @@ def hung(robot: Robot, places: Mapping[str, Placement]) -> Robot:
     return replace(arranged, base=base, loops=tuple(loops))
 
 
-def unique(things: Iterable[Link | Joint], what: str) -> None:
+def unique(items: Iterable[Link | Joint], what: str) -> None:
     """Refuse two of the same name."""
     known: set[str] = set()
-    for thing in things:
-        if thing.name in known:
-            raise ModelError(f"{thing.where}: there are two {what}s {shown(thing.name)}; rename one")
-        known.add(thing.name)
+    for item in items:
+        if item.name in known:
+            raise ModelError(f"{item.where}: there are two {what}s {shown(item.name)}; rename one")
+        known.add(item.name)
 
 
 def together(robot: Robot) -> Robot:

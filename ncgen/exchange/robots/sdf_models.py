@@ -88,8 +88,8 @@ class _Builder:
         name = _text(include, "name") or model.name()
         posed = include.first("pose") if include else None
         pose = posed if posed is not None else model.first("pose")
-        says = flag(include, "static")
-        is_static = owner.static or bool(flag(model, "static") if says is None else says)
+        is_static = flag(include, "static")
+        is_static = owner.static or bool(flag(model, "static") if is_static is None else is_static)
         merged = include is not None and truth(include.attributes.get("merge") or "false", include)
         is_alone = scope.parent is None and not is_static and not self.prefixed
         inner = Scope(

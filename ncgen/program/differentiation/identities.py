@@ -78,9 +78,9 @@ class _Simplifying:
         for factor, other in ((a, b), (b, a)):
             op = self.graph.ops[other]
             if op.code == "mul" and factor in self._results and other not in self._results:
-                for mine, rest in (op.args, op.args[::-1]):
-                    if mine in self._results:
-                        return self.graph.mul(self._simplified(self.graph.mul(factor, mine)), rest)
+                for known_factor, rest in (op.args, op.args[::-1]):
+                    if known_factor in self._results:
+                        return self.graph.mul(self._simplified(self.graph.mul(factor, known_factor)), rest)
         return self.graph.mul(a, b)
 
     def _simplified(self, node: int) -> int:

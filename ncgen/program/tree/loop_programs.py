@@ -218,8 +218,8 @@ class _Closing:
         element, link = row.source
         home = self.work.tree.home.get(element)
         rests = home in (None, link)  # a component that is held, where the home is the link itself
-        theirs = self.moved.initial(element) if rests else self.moved.placed(element, home)
-        return graph.sub(self.moved.placed(element, link)[row.axis], theirs[row.axis])
+        at_home = self.moved.initial(element) if rests else self.moved.placed(element, home)
+        return graph.sub(self.moved.placed(element, link)[row.axis], at_home[row.axis])
 
     def _number(self, node: int) -> float:
         number = self.work.graph.value(node)

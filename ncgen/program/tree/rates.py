@@ -132,13 +132,13 @@ class Rates:
         """An element that a link shares with another one that carries it, or that is held, moves as that one says; and where a
         coordinate is independent, its rate is that of the element."""
         home = self.tree.home.get(element)
-        mine = self.place.moved(element, link)
-        theirs = self.place.moved(element, home) if home is not None and home != link else {}
+        own_motion = self.place.moved(element, link)
+        home_motion = self.place.moved(element, home) if home is not None and home != link else {}
         zero, reach = self.graph.const(0.0), self.length if isinstance(element, Point) else 1.0
         rows = []
         for axis, component in enumerate(element.components):
-            entries = {k: v[axis] for k, v in mine.items()}
-            entries |= {k: self.graph.sub(entries.get(k, zero), v[axis]) for k, v in theirs.items()}
+            entries = {k: v[axis] for k, v in own_motion.items()}
+            entries |= {k: self.graph.sub(entries.get(k, zero), v[axis]) for k, v in home_motion.items()}
             entries = self._nonzero(entries, reach)
             if home == link and self.equations.moves(component):
                 c = self.equations.index[component]

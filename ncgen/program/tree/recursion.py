@@ -210,8 +210,8 @@ class Recursion:
         assert row.source is not None, "a row without right-hand sides"
         element, link = row.source
         home = self.tree.home.get(element)
-        theirs = bias[element][row.axis] if home is not None and home != link else self.zero
-        return graph.sub(theirs, self.velocity.bias_with(element, link)[row.axis])
+        home_bias = bias[element][row.axis] if home is not None and home != link else self.zero
+        return graph.sub(home_bias, self.velocity.bias_with(element, link)[row.axis])
 
     # -- forces --------------------------------------------------------------------------------
 

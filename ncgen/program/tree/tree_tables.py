@@ -163,13 +163,13 @@ class OpenTree:
             masses[e], size[e] = max(masses[e], diagonal[c]), self.around.columns[c]
         heaviness, homes = masses * size**2, np.array(self.home)
         for link, own in enumerate(self.own):
-            mine = np.flatnonzero(homes == link)
-            heaviest = np.max(heaviness[mine], initial=0.0) or 1.0
-            heaviness[mine] = np.maximum(heaviness[mine] / heaviest, MASSLESS_FRACTION) / size[mine] ** 2
-            if len(own) == 1 and len(mine):
-                moved = self.velocities(place.q, np.arange(len(self.screws)) == own.start)[np.array(self.components)[mine]]
-                best = mine[np.argmax(heaviness[mine] * np.sum(moved**2, axis=1))]
-                heaviness[mine[mine != best]] = 0.0
+            carried = np.flatnonzero(homes == link)
+            heaviest = np.max(heaviness[carried], initial=0.0) or 1.0
+            heaviness[carried] = np.maximum(heaviness[carried] / heaviest, MASSLESS_FRACTION) / size[carried] ** 2
+            if len(own) == 1 and len(carried):
+                moved = self.velocities(place.q, np.arange(len(self.screws)) == own.start)[np.array(self.components)[carried]]
+                best = carried[np.argmax(heaviness[carried] * np.sum(moved**2, axis=1))]
+                heaviness[carried[carried != best]] = 0.0
         self.heaviness = heaviness.tolist()
 
     def _carrier(self, a: int, b: int) -> int:

@@ -12,6 +12,9 @@ static const ncgen_scalar friction_reserve = R(1.0e-8);
 /* Something is still whose velocity is below this share of its terms. */
 static const ncgen_scalar standstill = R(1.0e-9);
 
+/* A direction is blocked in which less than this share of its mobility is left: rounding. */
+static const ncgen_scalar least_mobility = R(1.0e-9);
+
 int ncgen_loads_of(int kind)
 {
     return kind == NCGEN_HOLDS_JOINT ? 2 : kind != NCGEN_HOLDS_LOCK;
@@ -25,6 +28,11 @@ int ncgen_side_of(int kind, int l)
 int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift)
 {
     return NCGEN_ABS(velocity) <= standstill * (terms + NCGEN_ABS(drift));
+}
+
+int ncgen_is_blocked(ncgen_scalar mobility, ncgen_scalar whole)
+{
+    return mobility <= least_mobility * whole;
 }
 
 int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly)

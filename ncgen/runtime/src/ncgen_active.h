@@ -41,6 +41,9 @@ int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly);
 /* Is something still whose velocity consists of terms: those of coordinates and a drift? */
 int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift);
 
+/* Can nothing move along a direction, of whose mobility with nothing held this is left? */
+int ncgen_is_blocked(ncgen_scalar mobility, ncgen_scalar whole);
+
 /* The direction in which a joint slips: before `slip`; side: of its velocity. */
 int ncgen_slip_of(const ncgen_active *active, int number, int slip, int side);
 

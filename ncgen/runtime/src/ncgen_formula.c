@@ -65,10 +65,24 @@ const ncgen_enclosure *ncgen_bounded_formula(const ncgen_formula_step *step, int
     return results + count - 1;
 }
 
-/* Is the error of half a part hardly less than that of the whole, and small over the size of the condition? */
-static int is_rounding(ncgen_scalar error, ncgen_scalar of_whole, ncgen_scalar size)
+/* The largest result of the operations of condition k on the part that was bounded last. */
+static ncgen_scalar largest_result(const ncgen_formula_step *step, int k)
 {
-    return error > R(0.8) * of_whole && error < R(1.0e-9) * size;
+    const ncgen_enclosing with = enclosing_of(step);
+    const ncgen_enclosure *results = (const ncgen_enclosure *)(void *)step->formulas->workspace;
+    ncgen_scalar largest = 0;
+    for (int i = 0; i < step->formulas->first[k + 1] - step->formulas->first[k]; ++i) {
+        const ncgen_scalar size = ncgen_enclosure_size(&with, results + i);
+        largest = size > largest ? size : largest;
+    }
+    return largest;
+}
+
+/* Is the error of half a part hardly less than that of the whole, and small over the condition, or over what it is made of where that
+ * cancels, as in a condition that is zero on one side of a kink? */
+static int is_rounding(const ncgen_formula_step *step, int k, ncgen_scalar error, ncgen_scalar of_whole, ncgen_scalar size)
+{
+    return error > R(0.8) * of_whole && (error < R(1.0e-9) * size || error < R(1.0e-11) * largest_result(step, k));
 }
 
 int ncgen_walk_formula(const ncgen_formula_step *step, const ncgen_basis *basis, int k, ncgen_scalar size, ncgen_walk *walk,
@@ -92,7 +106,7 @@ int ncgen_walk_formula(const ncgen_formula_step *step, const ncgen_basis *basis,
         for (int i = 0; i <= basis->degree; ++i)
             values[i] = ncgen_enclosure_at(basis->degree, g->c, 2 * basis->nodes[i] - 1);
         errors[level] = g->error;
-        const int rounds = g->error <= resolved * step->rounding * size || (level > 0 && is_rounding(g->error, errors[level - 1], size));
+        const int rounds = g->error <= resolved * step->rounding * size || (level > 0 && is_rounding(step, k, g->error, errors[level - 1], size));
         const int is_narrow = level == (has_bounds ? NARROWEST : NARROWEST_UNBOUNDED) || *parts >= MOST_PARTS;
         if (!rounds && !is_narrow && !(has_bounds && ncgen_has_one_sign(basis, values, 1, g->error))) {
             width /= 2;

@@ -2,12 +2,10 @@
  *
  * They change by what the constraints leave of impulses: M dqd + Phi_q' mu = W' L, Phi_q dqd = 0, and velocities of gaps by W dqd. */
 #include "ncgen_impacts.h"
+#include "ncgen_active.h"
 #include "ncgen_held.h"
 #include "ncgen_impulses.h"
 #include "ncgen_rates.h"
-
-/* A direction is blocked in which less than this share of its mobility is left. */
-static const ncgen_scalar blocked = R(1.0e-9);
 
 const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event)
 {
@@ -44,7 +42,7 @@ int ncgen_can_move(ncgen_instant *i, int condition, int *can)
         return NCGEN_OK;
     const ncgen_real *direction = ncgen_gradient(i, condition);
     const ncgen_real own = mobility(i, &in.driven, direction, &status), whole = mobility(i, i->d, direction, &status);
-    *can = own > blocked * whole;
+    *can = !ncgen_is_blocked(own, whole);
     return status;
 }
 

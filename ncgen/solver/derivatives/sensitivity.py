@@ -23,7 +23,8 @@ from ncgen.solver.derivatives.objective import check_objective, filled, of_objec
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.derivatives.stepped_motion import SteppedMotion
 from ncgen.solver.derivatives.taped_motion import TapedMotion
-from ncgen.solver.engines.compiled import checked_compiled, is_written_out
+from ncgen.solver.engines.acceleration_forms import has_emitted_recursion
+from ncgen.solver.engines.capabilities import checked_compiled
 from ncgen.solver.given import checked_kernels, echo, has_events, names_of, numbers_of, refuse_events, values_by_name
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate_steps
@@ -272,7 +273,7 @@ def is_taped(kernels: Kernels, integrator: str) -> bool:
         explicit = ", ".join(name for name, entry in INTEGRATORS.items() if entry.tableau)
         raise ModelError(f"integrator: {integrator!r} given; derivatives of many motions go through steps of {explicit}")
     method, rolls = Method.of("lagrange", integrator), len(kernels.holonomic) != kernels.m
-    written = is_written_out(kernels, method, 0 if rolls or integrator != "rk4" else 1)  # Python has neither
+    written = has_emitted_recursion(kernels, method, 0 if rolls or integrator != "rk4" else 1)  # Python has neither
     if not written and integrator != "rk4":
         raise ModelError(f"{kernels.name}: its motion is not emitted in C, so derivatives go through steps of rk4, not of {integrator}")
     return written

@@ -22,7 +22,8 @@ from ncgen.mechanism.motions import LaneRuns, Motions
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion
 from ncgen.solver.derivatives.sensitivity import is_taped, motion_from
 from ncgen.solver.derivatives.taped_motion import StartFrames, TapedMotion, start_back
-from ncgen.solver.engines.compiled import all_coordinates, checked_compiled
+from ncgen.solver.engines.acceleration_forms import all_coordinates
+from ncgen.solver.engines.capabilities import checked_compiled
 from ncgen.solver.motions.batch import INTERRUPTED
 from ncgen.solver.motions.states import CommonCoordinates, States
 from ncgen.solver.positions.partition import kinematics_of_many

@@ -23,7 +23,8 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.sweep import DUAL_STEP, Sweep
 from ncgen.mechanism.taped import Driven, Segmented, taped
 from ncgen.solver.derivatives.jumps import Jumps
-from ncgen.solver.engines.compiled import all_coordinates, closeness
+from ncgen.solver.engines.acceleration_forms import all_coordinates
+from ncgen.solver.engines.capabilities import closeness
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.positions.partition import Kinematics, Partitions, determined, kinematics
 from ncgen.solver.positions.rank import freedom_at

@@ -2,65 +2,37 @@
 
 from __future__ import annotations
 
-import hashlib
-from functools import cache, partial
-from typing import TYPE_CHECKING, Any, Literal, TypeGuard, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, ModelError, NcgenError, SingularError
+from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.reactive import ReactiveForce
-from ncgen.methods.method import Method
 from ncgen.methods.newmark import newmark
-from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, in_c, number_in_c
-from ncgen.program.algebra.elimination import EliminationError
-from ncgen.program.programs import Split
-from ncgen.program.tree.table_layout import tables_of
+from ncgen.methods.table import number_in_c
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.projection import least_energy
-from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.branches import refresh_branches, rule_of
-from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.partition import (
     MIN_GAIN,
-    Partition,
     Partitions,
-    choose_partitions,
     determined,
     other_partitions,
     quality,
     stuck_message,
 )
-from ncgen.solver.positions.position import TOLERANCE, newton_position
-from ncgen.solver.positions.rank import REMEMBERED, closeness_at, trial_positions
+from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
-from ncgen.solver.runs.run import EMITTED, Form, Partitioned
+from ncgen.solver.runs.run import Form, Partitioned
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:
-    from ncgen.mechanism.batch_runs import LaneDynamics
-    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-    from ncgen.mechanism.library import CompiledKernels
-    from ncgen.mechanism.motion_sources import Seen
     from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics, Outcome
-    from ncgen.program.ir.sampling import Sample
-
-MOST_RATES = 60
-"""Rates of a tree of bodies up to which a recursion is written out where nobody asked for it: it is compiled in some seconds."""
-
-FEW_RATES = 20
-"""The same of a tree that moves in loops over tables, too, at two to three times the cost: an arm of 20 takes 10,000 operations, which are
-assembled and compiled in 2 s."""
-
-N_PERTURBED_SAMPLES = 3
-"""How many sample positions have other parameters and times."""
-
-SAMPLE_PERTURBATION = 0.03
-"""By which share of theirs, and of a second."""
+from ncgen.solver.engines.acceleration_forms import all_coordinates
+from ncgen.solver.engines.capabilities import closeness
+from ncgen.solver.engines.partition_dynamics import dynamics
 
 GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
@@ -77,139 +49,6 @@ FINAL = ("short", "not converged")
 
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
-
-
-def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str | None:
-    """Why a simulation cannot run in C, as far as its method and the mechanism tell, in words, or None if it can.
-
-    engine: as of `simulate`; number: C's type
-    """
-    from ncgen.mechanism.library import CompiledKernels
-    from ncgen.mechanism.properties import uses_tangents
-    from ncgen.mechanism.runtime_library import has_runtime, part_for
-
-    name = method.integrator.name
-    if not isinstance(kernels, CompiledKernels) and (engine in EMITTED or number != "double" or not has_runtime(part_for(name))):
-        return f"the kernels are {kernels.backend}, not compiled"
-    if not method.integrator.in_c:
-        return f"{name} runs in Python; in C there are {', '.join(in_c(INTEGRATORS))}"
-    if not method.formalism.in_c:
-        return f"{method.formalism.name} runs in Python; in C there are {', '.join(in_c(FORMALISMS))}"
-    if engine in EMITTED and method.is_constrained:
-        return f"a state derivative is emitted for coordinate-partitioning, not for {method.formalism.name}"
-    if kernels.model.callbacks and number != "double":
-        return f"the model calls a Python function, which computes with doubles, not {number}"
-    if kernels.model.callbacks and engine in EMITTED:
-        return "the model calls a Python function, whose forces are not in what is written out"
-    if kernels.model.branches and (engine in EMITTED or number != "double"):
-        return "the paper's sine-or-cosine rows choose anew between steps, in doubles and in C that is the same for all mechanisms"
-    if number != "double" and uses_tangents(kernels, name):
-        return f"{name} takes derivatives of the kernels, which are double"
-    return None
-
-
-def refusal_of_size(kernels: Kernels, partitions: Partitions, engine: str) -> str | None:
-    """Why a state derivative cannot be emitted for a choice of independent coordinates, in words, or None if it can."""
-    from ncgen.program.programs import MAX_ELIMINATED_DOF
-
-    if engine in EMITTED and partitions.position is not partitions.velocity:
-        return "a state derivative is emitted for one choice of independent coordinates; rolling conditions need two"
-    if engine in EMITTED and len(partitions.position.independent) > MAX_ELIMINATED_DOF and not spanning_tree(kernels.model).links:
-        return f"without a tree of bodies a state derivative is emitted for up to {MAX_ELIMINATED_DOF} degrees of freedom"
-    return None
-
-
-def is_emitted(kernels: Kernels, partitions: Partitions) -> TypeGuard[CompiledKernels]:
-    """True where the state derivative of a choice of independent coordinates can be emitted and run in C."""
-    method = Method.of("coordinate-partitioning", "dopri5")
-    return (refusal(kernels, method, "emitted", "double") or refusal_of_size(kernels, partitions, "emitted")) is None
-
-
-def checked_compiled(kernels: Kernels) -> CompiledKernels:
-    """The kernels themselves, where `refusal` has nothing against them. Raises ModelError for those that are not compiled."""
-    from ncgen.mechanism.library import CompiledKernels
-
-    if not isinstance(kernels, CompiledKernels):
-        raise ModelError(f"{kernels.name}: the kernels are {kernels.backend}, not compiled; compile the model with backend='c'")
-    return kernels
-
-
-def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dense", integrator: str = AUTO) -> ConstrainedDynamics:
-    """The state derivative over all coordinates, made once for every kernels object, number type and form.
-
-    form: "emitted" for accelerations that are emitted, seen in positions around the model's own start, so that they are the same in
-        every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
-    integrator: for which the runtime is compiled at the same time
-    """
-    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-    from ncgen.mechanism.runtime_library import part_for
-
-    def made() -> ConstrainedDynamics:
-        samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
-        tree = open_tree(kernels) if form == "tree" else None
-        part = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
-        return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, part)
-
-    return kernels.remember("constrained dynamics", (number, form), made)
-
-
-def form_of(kernels: Kernels, method: Method) -> Form:
-    """What accelerations a run over all coordinates takes where nobody says: of a recursion over the tree of bodies that is emitted
-    and compiled, or in loops over tables, or of the factored matrix."""
-    if _may_recur(kernels, method) and not _has_few_rates(kernels, FEW_RATES) and open_tree(kernels):
-        return "tree"
-    if _is_recursive(kernels, method):
-        return "emitted"
-    return "tree" if _may_recur(kernels, method) and open_tree(kernels) else "dense"
-
-
-def _may_recur(kernels: Kernels, method: Method) -> bool:
-    """True where a recursion could give the accelerations of a method."""
-    if (
-        kernels.model.branches
-        or refusal(kernels, method, "c", "double")
-        or not (method.formalism.name == "lagrange" and method.integrator.takes_recursion)
-    ):
-        return False
-    return method.options.get("stabilisation") == "projection"
-
-
-def is_written_out(kernels: Kernels, method: Method, least: int = 1) -> bool:
-    """True where a run over all coordinates takes its accelerations from a recursion that is emitted and compiled, with all forces.
-
-    least: rates of the tree of bodies; with 0 of them, as of points alone, a run takes others, but there is such a recursion
-    """
-    callbacks = kernels.model.callbacks
-    return (not callbacks or ReactiveForce.only(callbacks) is not None) and _is_recursive(kernels, method, least)
-
-
-def _is_recursive(kernels: Kernels, method: Method, least: int = 1) -> bool:
-    from ncgen.mechanism.library import CompiledKernels
-
-    if not isinstance(kernels, CompiledKernels) or not _has_few_rates(kernels, least=least):
-        return False
-    return _may_recur(kernels, method) and all_coordinates(kernels, form="emitted", integrator=method.integrator.name).is_emitted
-
-
-def _has_few_rates(kernels: Kernels, most: int | None = None, least: int = 1) -> bool:
-    """True for a tree of bodies that can be emitted: without compiling for long, unless the kernels are to be of the most effort.
-
-    least, most: rates (default: MOST_RATES)
-    """
-    freedoms = kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).dof)
-    return least <= freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
-
-
-def own_positions(kernels: Kernels, least: int = 1) -> Seen | None:
-    """Independent coordinates of the positions at a model's own start, and `samples` around it; None where there are none, or less than the
-    least rates."""
-    if not _has_few_rates(kernels, least=least):
-        return None
-    try:
-        q = assemble(kernels, kernels.q0)
-        return split_of(choose_partitions(kernels, q).position), samples(kernels, q, kernels.p0)
-    except NcgenError:
-        return None
 
 
 def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dense") -> str | None:
@@ -305,103 +144,6 @@ def _weights(settings: dict[str, Any]) -> dict[str, float]:
     if "rho" not in settings:
         return {}
     return dict(zip(("alpha_m", "alpha_f"), newmark(settings["rho"], settings["hht"]), strict=False))
-
-
-@cache
-def rounding(number: str) -> float:
-    """The relative rounding of a number type."""
-    from ncgen.toolchain.abi import NUMBERS
-
-    return float(np.finfo(NUMBERS[number].dtype).eps)
-
-
-def closeness(number: str) -> float:
-    """`TOLERANCE` of positions for the digits of a number type."""
-    return TOLERANCE * rounding(number) / rounding("double")
-
-
-@overload
-def dynamics(
-    kernels: Kernels, partitions: Partitions, form: Literal["lanes"], q: np.ndarray, p: np.ndarray, number: str = "double"
-) -> LaneDynamics: ...
-
-
-@overload
-def dynamics(
-    kernels: Kernels, partitions: Partitions, form: Literal["dense"], q: np.ndarray, p: np.ndarray, number: str = "double"
-) -> DenseDynamics: ...
-
-
-@overload
-def dynamics(
-    kernels: Kernels,
-    partitions: Partitions,
-    form: Literal["emitted", "refined"],
-    q: np.ndarray,
-    p: np.ndarray,
-    number: str = "double",
-) -> EmittedDynamics: ...
-
-
-def dynamics(
-    kernels: Kernels, partitions: Partitions, form: str, q: np.ndarray, p: np.ndarray, number: str = "double"
-) -> LaneDynamics | DenseDynamics | EmittedDynamics:
-    """The state derivative for a partition, made once for every kernels object, partition, form and number type.
-
-    form: "dense", "emitted", "refined" (emitted, with iterative refinement), or "lanes" for many states at a time (double only)
-    q (n,), p (n_p,): a typical position (m, rad) and parameters, with which the order of an emitted elimination is chosen
-    """
-    split, positions = split_of(partitions.velocity), split_of(partitions.position)
-    apart = None if partitions.position is partitions.velocity else positions
-    key = split, positions, form, number
-    return kernels.remember("dynamics", key, lambda: _made(kernels, split, apart, form, number, q, p))
-
-
-def _made(
-    kernels: Kernels, split: Split, positions: Split | None, form: str, number: str, q: np.ndarray, p: np.ndarray
-) -> LaneDynamics | DenseDynamics | EmittedDynamics:
-    """A state derivative; positions: the choice for them where it is another than for velocities."""
-    from ncgen.mechanism.batch_runs import LaneDynamics
-    from ncgen.mechanism.motion_sources import Written
-    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
-
-    if form == "dense":
-        return DenseDynamics(kernels, split, number, positions)
-    kernels = checked_compiled(kernels)
-    around = hashlib.sha256(np.concatenate([q, p]).tobytes()).hexdigest()
-    written = Written(
-        kernels=kernels, split=split, samples_of=partial(samples, kernels, q.copy(), p.copy()), around=around, refine=form == "refined"
-    )
-    try:
-        return LaneDynamics(written) if form == "lanes" else EmittedDynamics(written, number)
-    except EliminationError as error:
-        raise ModelError(
-            f"{kernels.name}: no order of elimination can be emitted for these coordinates: {error}; use engine='c'"
-        ) from error
-
-
-def split_of(part: Partition) -> Split:
-    """A choice of independent coordinates as numbers."""
-    return Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
-
-
-def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
-    """Typical positions around q, from which the order of elimination is chosen, and seen what vanishes: with other parameters, too,
-    and at other times, so that nothing is taken for 0 that is 0 only now."""
-    from ncgen.program.ir.sampling import Sample
-
-    typical = [Sample(0.0, x, p) for x in trial_positions(kernels, q, 0.0, p)]
-    generator = np.random.default_rng(1)
-    for _ in range(N_PERTURBED_SAMPLES if kernels.parameters or np.any(kernels.nu(q, 0.0, p)) else 0):
-        other = p + SAMPLE_PERTURBATION * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
-        t = float(SAMPLE_PERTURBATION * generator.uniform())
-        try:
-            released, free = refresh_branches(kernels, q, other), np.arange(kernels.n)
-            close = newton_position(kernels, typical[-1].q, t, released, free, closeness_at(kernels, q))
-            typical.append(Sample(t, close.q, other))
-        except NcgenError:
-            continue  # these parameters leave no position
-    return typical
 
 
 def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | None:

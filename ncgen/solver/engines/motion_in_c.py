@@ -7,7 +7,7 @@ import numpy as np
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms, capabilities, compiled
 from ncgen.solver.runs.choice import EXPLICIT
 from ncgen.solver.runs.task import Task
 
@@ -25,9 +25,9 @@ class MotionInC:
     def __init__(self, kernels: Kernels, method: Method, rank: int) -> None:
         self._kernels, n, formalism = kernels, kernels.n, method.formalism.name
         explicit = Method.of(formalism, EXPLICIT, method.options)
-        self._dynamics = compiled.all_coordinates(kernels, form=compiled.form_of(kernels, explicit))
+        self._dynamics = acceleration_forms.all_coordinates(kernels, form=acceleration_forms.form_of(kernels, explicit))
         stepping = Stepping(
-            self._dynamics, EXPLICIT, rank, STEP_TOLERANCE, STEP_TOLERANCE, None, compiled.closeness("double"), None, formalism,
+            self._dynamics, EXPLICIT, rank, STEP_TOLERANCE, STEP_TOLERANCE, None, capabilities.closeness("double"), None, formalism,
             **compiled.settings_in_c(method.options),
         )  # fmt: skip
         self._now, self._qd, self._q = Moving(stepping), slice(0, n), slice(n, 2 * n)
@@ -35,7 +35,7 @@ class MotionInC:
     @classmethod
     def of(cls, kernels: Kernels, task: Task, rank: int) -> MotionInC | None:
         """None for a run of the reference in Python, and where C refuses the mechanism."""
-        if not task.calls_c or compiled.refusal(kernels, Method.of(task.method.formalism, EXPLICIT), "c", "double"):
+        if not task.calls_c or capabilities.refusal(kernels, Method.of(task.method.formalism, EXPLICIT), "c", "double"):
             return None
         return cls(kernels, task.method, rank)
 

@@ -28,7 +28,7 @@ from ncgen.methods.table import number_in_c
 from ncgen.model.actions import Change, Impact, Stop
 from ncgen.model.values import Scalar
 from ncgen.program.motions.event_programs import INPUTS, assemble_conditions
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms, capabilities, compiled
 from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.modes import Held, load_conditions, rank_of, variant
@@ -42,7 +42,7 @@ from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening, Search
 CHUNK = 16
 """MotionRows of one call of C, between which a batch can be ended and says how far it has come."""
 
-FOUND: tuple[Search, ...] = ("polynomial", "start", "action", "sampled")
+SEARCHES: tuple[Search, ...] = ("polynomial", "start", "action", "sampled")
 """How an event was found, by the numbers of C; the first one is what the condition allows."""
 
 
@@ -83,12 +83,14 @@ class ManyRuns:
         self._lock, self._ended, self._done = Lock(), False, 0
         self._searches = self.functions.searches
         self._names = [*kernels.model.events, *kernels.model.frictions]
-        tolerances = Tolerances.of(self.run, kernels.length, compiled.rounding("double")).in_c(kernels.column_sizes, kernels.column_sizes)
+        tolerances = Tolerances.of(self.run, kernels.length, capabilities.rounding("double")).in_c(
+            kernels.column_sizes, kernels.column_sizes
+        )
         self._sizes = tolerances.pop("sizes")
         step = self.run.max_step
         self._options = {
             "method": number_in_c(self.method.integrator), "formalism": number_in_c(self.method.formalism),
-            "tolerance": compiled.closeness("double"), "max_step": 0.0 if np.isinf(step) else step,
+            "tolerance": capabilities.closeness("double"), "max_step": 0.0 if np.isinf(step) else step,
             **compiled.settings_in_c(self.method.options), **tolerances,
         }  # fmt: skip
         if kernels.model.beginnings and not self._exported:
@@ -162,7 +164,7 @@ class ManyRuns:
                 self.carried[i] = tuple(map(self._happening, notes[i]))
 
     def _happening(self, note: Note) -> Happening:
-        search = self._searches[note.event] if note.found == 0 else FOUND[note.found]
+        search = self._searches[note.event] if note.cause == 0 else SEARCHES[note.cause]
         what = ("", *(GAPS if note.event < len(self.functions.events) else JOINTS))[note.what]
         name = self._names[note.event]
         return Happening(
@@ -240,7 +242,7 @@ class ManyRuns:
             kernels, "held_conditions", "conditions", 2 * (self.functions.count + loads),
             lambda: {"conditions": replace(mechanism.conditions, name="conditions")},
         )  # fmt: skip
-        dynamics = compiled.all_coordinates(kernels, form="dense", integrator=self.method.integrator.name)
+        dynamics = acceleration_forms.all_coordinates(kernels, form="dense", integrator=self.method.integrator.name)
         return rows, HeldGaps((), dynamics, -1, made.address("conditions")), loads
 
     @staticmethod
@@ -264,7 +266,9 @@ class ManyRuns:
         return self._mode((), kernels, self._start(int(finite[0]) if len(finite) else 0), 0)
 
     def _mode(self, held: tuple[int, ...], kernels: Kernels, at: State, conditions: int) -> HeldGaps:
-        dynamics = compiled.all_coordinates(kernels, form=compiled.form_of(kernels, self.method), integrator=self.method.integrator.name)
+        dynamics = acceleration_forms.all_coordinates(
+            kernels, form=acceleration_forms.form_of(kernels, self.method), integrator=self.method.integrator.name
+        )
         return HeldGaps(held, dynamics, rank_of(self.kernels, kernels, at), conditions)
 
     def _adds(self, runs: EventRuns) -> bool:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ncgen.mechanism.active_in_c import leaves_none
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import least_energy
-
-BLOCKED = 1e-9
-"""A direction is blocked in a mode that leaves less than this share of its mobility: that of rounding."""
 
 
 def response(kernels: Kernels, at: State, W: np.ndarray) -> np.ndarray:
@@ -24,4 +22,4 @@ def response(kernels: Kernels, at: State, W: np.ndarray) -> np.ndarray:
 def is_blocked(mode: Kernels, mechanism: Kernels, at: State, W: np.ndarray) -> np.ndarray:
     """Mask (k,) of the rows of W (k, n) along which the mechanism can move and a mode of it cannot."""
     own, whole = (np.einsum("kn,nk->k", W, response(kernels, at, W)) for kernels in (mode, mechanism))
-    return own <= BLOCKED * whole
+    return np.array([leaves_none(part, all_of_it) for part, all_of_it in zip(own.tolist(), whole.tolist(), strict=True)], dtype=bool)

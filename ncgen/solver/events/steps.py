@@ -16,7 +16,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import Moving, MovingRow, Stepping
 from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.method import Method
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms, capabilities, compiled
 from ncgen.solver.engines.segments import in_segments
 from ncgen.solver.events.loop import EventLoop
 from ncgen.solver.events.modes import rank_of
@@ -180,11 +180,11 @@ class Steps:
         loop, tolerances = self._loop, self._tolerances
         key = loop.held, loop.at.locked, self._kernels.of_rows(loop.at.p).tobytes()
         if key not in self._modes:
-            dynamics = compiled.all_coordinates(loop.mode, form=compiled.form_of(loop.mode, self._method))
+            dynamics = acceleration_forms.all_coordinates(loop.mode, form=acceleration_forms.form_of(loop.mode, self._method))
             sizes = tolerances.in_c(self._kernels.column_sizes, self._kernels.column_sizes)["sizes"]
             self._modes[key] = Stepping(
                 dynamics, self._method.integrator.name, rank_of(self._kernels, loop.mode, loop.at), tolerances.rtol, tolerances.atol, sizes,
-                compiled.closeness("double"),
+                capabilities.closeness("double"),
             )  # fmt: skip
         return self._modes[key]
 
@@ -220,6 +220,6 @@ class Steps:
 
     def _engine(self, path: Path, kernels: Kernels, task: Task) -> str | None:
         def moved(path: Path, kernels: Kernels, task: Task) -> str | None:
-            return compiled.run_constrained(path, kernels, task, compiled.form_of(kernels, task.method))
+            return compiled.run_constrained(path, kernels, task, acceleration_forms.form_of(kernels, task.method))
 
         return in_segments(moved, path, kernels, task, task.jumps)

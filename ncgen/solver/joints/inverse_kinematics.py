@@ -79,7 +79,7 @@ class _PointOfBody:
 class Aim:
     """What is to be where. rotation (3, 3), place (3,) in m: as it shall be, None for any"""
 
-    thing: Carried
+    carried: Carried
     rotation: np.ndarray | None
     place: np.ndarray | None
 
@@ -94,8 +94,8 @@ def aims_of(
         return _aims_of_frames(space, point)
     if isinstance(point, str) and point not in space.kernels.model.elements and point in space.kernels.model.frames and body is None:
         return _aims_of_frames(space, {point: (rotation, place)})
-    target, thing = _place(place, "place"), _PointOfBody(space, point, body)
-    return [Aim(thing, None if rotation is None else rotation_of(rotation, "rotation"), target)]
+    target, carried = _place(place, "place"), _PointOfBody(space, point, body)
+    return [Aim(carried, None if rotation is None else rotation_of(rotation, "rotation"), target)]
 
 
 def _aims_of_frames(space: JointKinematics, targets: Mapping[str, Target]) -> list[Aim]:
@@ -238,7 +238,7 @@ class _Search:
             return np.full(self.count, OPEN_LOOP_RESIDUAL)
         parts = []
         for aim in self.aims:
-            turn, place = aim.thing.pose(q)
+            turn, place = aim.carried.pose(q)
             parts += [] if aim.place is None else [(place - aim.place) / self.size]
             parts += [] if aim.rotation is None else [(turn - aim.rotation).T.ravel()]
         return np.concatenate(parts)
@@ -249,10 +249,10 @@ class _Search:
             return np.zeros((self.count, self.space.n))
         parts = []
         for aim in self.aims:
-            jacobian = aim.thing.jacobian(q)
+            jacobian = aim.carried.jacobian(q)
             parts += [] if aim.place is None else [jacobian[:3] / self.size]
             if aim.rotation is not None:
-                parts += [np.cross(jacobian[3:].T, column).T for column in aim.thing.pose(q)[0].T]
+                parts += [np.cross(jacobian[3:].T, column).T for column in aim.carried.pose(q)[0].T]
         rows = np.concatenate(parts)
         return rows @ self._rates(x, q) if self._balls else rows
 
@@ -281,5 +281,5 @@ class _Search:
             turn, left = (left[:9], left[9:]) if aim.rotation is not None else ([], left)
             angle = 2 * np.arcsin(min(1.0, np.linalg.norm(turn) / np.sqrt(8)))  # |A − B|² = 8 sin²(θ/2) of rotations that are θ apart
             remainders = [f"{np.linalg.norm(place) * self.size:.3g} m"] * bool(place) + [f"{angle:.3g} rad"] * bool(turn)
-            misses.append((max(map(abs, place + turn)), f"{aim.thing.name} does not get there, {' and '.join(remainders)} are left"))
+            misses.append((max(map(abs, place + turn)), f"{aim.carried.name} does not get there, {' and '.join(remainders)} are left"))
         return max(misses)[1]

@@ -22,7 +22,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_programs import Made
 from ncgen.program.tree.loop_programs import JointLoops
 from ncgen.program.tree.rates import NoRecursion
-from ncgen.solver.engines.compiled import samples
+from ncgen.solver.engines.partition_dynamics import samples
 from ncgen.solver.joints.joint_names import names_of
 from ncgen.solver.joints.joint_positions import INPUTS
 from ncgen.solver.joints.joint_space import JointSpace

@@ -128,8 +128,8 @@ def loads_between(
     loads: {coordinate: (K,)} of the body; meet: whether they have something else in common
     Raises ModelError where both have nothing in common, or where a third one has a part in it that cannot be told from theirs.
     """
-    mine = bodies[body].elements
-    shared = [e for e in mine if (e.fixed if neighbour == ground else e in bodies[neighbour].elements)]
+    own_elements = bodies[body].elements
+    shared = [e for e in own_elements if (e.fixed if neighbour == ground else e in bodies[neighbour].elements)]
     for element in shared:
         if third := sorted(_owners(bodies, element, ground) - {body, neighbour}):
             raise _unknown(element.name, body, neighbour, third[0])

@@ -104,8 +104,8 @@ class Reactions:
         numpy.ndarray
             Global components (N m), shape (K, 3).
         """
-        thing = self._element(body, vector)
-        return np.cross(geometry.element(self.run.kernels, thing, self.run.q, self.run.p), self._load(body, thing))
+        element = self._element(body, vector)
+        return np.cross(geometry.element(self.run.kernels, element, self.run.q, self.run.p), self._load(body, element))
 
     def wrench(self, body: str, about: str, neighbour: str | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Compute force and moment of joint loads on a body about a named point, along global axes.
@@ -178,10 +178,10 @@ class Reactions:
     def _element(self, body: str, name: str) -> Element:
         if body not in self.loads:
             raise ModelError(f"there is no body {body}; {offer(body, tuple(self.loads), 'the bodies are')}")
-        mine = {e.name: e for e in self.run.model.bodies[body].elements}
-        if name not in mine:
-            raise ModelError(f"body {body} has no element {name}; {offer(name, tuple(mine))}")
-        return mine[name]
+        elements = {e.name: e for e in self.run.model.bodies[body].elements}
+        if name not in elements:
+            raise ModelError(f"body {body} has no element {name}; {offer(name, tuple(elements))}")
+        return elements[name]
 
 
 def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reactions:
@@ -198,9 +198,9 @@ def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reacti
     shares = [Share(run, body) for body in run.model.bodies.values()]
     pulls, loads, felt = _pulls(run), {}, {}
     for share in shares:
-        mine = pulls.get(share.body.name, {})
+        own_pulls = pulls.get(share.body.name, {})
         history = np.array([_load(share, run, k) for k in range(len(run.t))])
-        history -= np.array([mine.get(c, 0.0 * run.t) for c in share.coordinates]).T
+        history -= np.array([own_pulls.get(c, 0.0 * run.t) for c in share.coordinates]).T
         loads[share.body.name] = dict(zip(share.coordinates, history.T, strict=True))
         felt[share.body.name] = _felt(run, share, history)
     unique = find_shared(run, shares, felt)

@@ -185,8 +185,8 @@ def _rigid_motions(share: Share, q: np.ndarray, idle: np.ndarray) -> np.ndarray:
     size = share.kernels.length
     arms = np.where(is_point, (x - x[:1]) / size, x)
     columns = [is_point * axis for axis in np.eye(3)] + [np.cross(axis, arms) for axis in np.eye(3)]
-    anything = np.eye(3 * len(elements))[np.tile(idle, len(elements))]
-    return np.vstack([np.reshape(columns, (6, 3 * len(elements))), anything]).T
+    free_loads = np.eye(3 * len(elements))[np.tile(idle, len(elements))]
+    return np.vstack([np.reshape(columns, (6, 3 * len(elements))), free_loads]).T
 
 
 def _rows_on(share: Share, shares: list[Share], rows: list[np.ndarray]) -> np.ndarray:

@@ -15,7 +15,7 @@ from ncgen.mechanism.break_times import break_times, outside_breaks
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms, capabilities, compiled
 from ncgen.solver.events.passage import Passage, check_events
 from ncgen.solver.given import checked_kernels, has_events
 from ncgen.solver.groups import MotionArguments
@@ -176,13 +176,13 @@ class _Motion:
     def __post_init__(self) -> None:
         self.path = Path.empty(self.kernels.n, self.start.partitions)
         functions = self.run.signals.laws if self.run.signals else ()
-        rounding = compiled.rounding(self.run.number)
+        rounding = capabilities.rounding(self.run.number)
         ends = float(self.times[0]), float(self.times[-1])
         start, breaks = self.start, self.given_breaks
         self.breaks = break_times(self.kernels, start.p, *ends, functions, rounding) if breaks is None else breaks
         self.passage = Passage()
         self.jumps = driver_jumps(self.kernels, start.p, start.q, self.breaks)
-        self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
+        self.tolerances = Tolerances.of(self.run, self.kernels.length, capabilities.rounding(self.run.number))
 
     def advance(self) -> None:
         """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
@@ -237,7 +237,7 @@ class _Motion:
         if self.run.engine in EMITTED:
             return self.run.engine
         is_open = self.run.engine in (AUTO, COMPILED) and self.run.number == "double"
-        return compiled.form_of(self.kernels, self.choice.method) if is_open else "dense"
+        return acceleration_forms.form_of(self.kernels, self.choice.method) if is_open else "dense"
 
     def _go_on_implicit(self, form: Form) -> str | None:
         """Take the implicit method from where the path has come to: why that cannot be done in C, or None.
@@ -262,9 +262,9 @@ class _Motion:
             ) from error
 
     def _refusal(self) -> str | None:
-        refused = compiled.refusal(self.kernels, self.choice.method, self.run.engine, self.run.number)
+        refused = capabilities.refusal(self.kernels, self.choice.method, self.run.engine, self.run.number)
         return refused or (
-            compiled.refusal_of_size(self.kernels, self.start.partitions, self.run.engine) if self.start.partitions else None
+            capabilities.refusal_of_size(self.kernels, self.start.partitions, self.run.engine) if self.start.partitions else None
         )
 
     def _in_c(self, form: Form) -> str | None:
@@ -273,7 +273,7 @@ class _Motion:
 
         def engine(path: Path, moved: Kernels, task: Task) -> str | None:
             if task.method.is_constrained:
-                own = form if moved is kernels or form == "dense" else compiled.form_of(moved, task.method)
+                own = form if moved is kernels or form == "dense" else acceleration_forms.form_of(moved, task.method)
                 return compiled.run_constrained(path, moved, task, own)
             return compiled.run(path, kernels, task, dense)
 

@@ -17,7 +17,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import capabilities
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.given import array_of, checked_kernels, echo, finite, has_events, known_name, positive
@@ -83,7 +83,7 @@ class Simulation:
         self._alone = Alone(kernels.name)
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
         self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, start.q, start.qd, start.p
-        self._mechanism = compiled.checked_compiled(kernels).fingerprint
+        self._mechanism = capabilities.checked_compiled(kernels).fingerprint
         self.drive(**inputs)
         if has_events(kernels.model):
             self._steps = through_events(kernels, self.integrator, rtol, atol, self._now, {})

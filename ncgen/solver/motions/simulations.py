@@ -22,7 +22,7 @@ from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.engines.compiled import checked_compiled
+from ncgen.solver.engines.capabilities import checked_compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import array_of, checked_kernels, count, echo, has_events, known_name, positive
 from ncgen.solver.groups import MotionArguments

@@ -16,7 +16,8 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.batch_rows import common_size
-from ncgen.solver.engines.compiled import checked_compiled, dynamics, refusal, refusal_of_size
+from ncgen.solver.engines.capabilities import checked_compiled, refusal, refusal_of_size
+from ncgen.solver.engines.partition_dynamics import dynamics
 from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
 from ncgen.solver.given import Given, known_name
 from ncgen.solver.parameter_checks import refused_parameters

@@ -12,7 +12,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.formalisms.impulse import cross
 from ncgen.solver.given import echo, offer, positive, values_by_name
 from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments
@@ -40,14 +40,14 @@ def stepped(kernels: Kernels, arguments: MotionArguments) -> tuple[str, float, f
 def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None, at: Initial) -> tuple[Callable[[], Stepping], Start]:
     """What makes a way to step, one for every thread, and where motions start. Raises ModelError where C cannot move the mechanism."""
     method = Method.of(ALL, integrator)
-    compiled.checked_compiled(kernels)
+    capabilities.checked_compiled(kernels)
     by_python = "the model calls a Python function" if kernels.model.callbacks else None
     if kernels.model.branches:
         by_python = "the paper's sine-or-cosine rows choose anew between steps"
-    if refused := by_python or compiled.refusal(kernels, method, "c", "double"):
+    if refused := by_python or capabilities.refusal(kernels, method, "c", "double"):
         raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
-    kernels = compiled.checked_compiled(kernels)
-    form = compiled.form_of(kernels, method)
+    kernels = capabilities.checked_compiled(kernels)
+    form = acceleration_forms.form_of(kernels, method)
     start = begin(kernels, at, partitioned=False)
     check_mass(kernels, start.q, at.t, start.p)
     rank, _ = rank_at(kernels, start.q, at.t, start.p)
@@ -55,8 +55,8 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
     from ncgen.mechanism.moving import Stepping
 
-    dynamics = compiled.all_coordinates(kernels, form=form)
-    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double"), cross), start
+    dynamics = acceleration_forms.all_coordinates(kernels, form=form)
+    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, capabilities.closeness("double"), cross), start
 
 
 def through_events(

@@ -57,9 +57,9 @@ def _choose(kernels: Kernels, q: np.ndarray, p: np.ndarray, angle: Callable[[str
     p = np.array(p, dtype=float)
     position = {name: i for i, name in enumerate(kernels.parameters)}
     for name, weights in branches.items():
-        thing = kernels.model.elements[name]
-        if isinstance(thing, Angle):  # nothing else has a choice
-            chosen = paper_choice(angle(name), direction(kernels, thing.axis, q, p))
+        coordinate = kernels.model.elements[name]
+        if isinstance(coordinate, Angle):  # nothing else has a choice
+            chosen = paper_choice(angle(name), direction(kernels, coordinate.axis, q, p))
             for k, weight in enumerate(weights):
                 p[position[weight.name]] = float(k == chosen)
     return p

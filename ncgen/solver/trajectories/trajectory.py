@@ -76,8 +76,8 @@ class Trajectory(MotionQuantities):
             )
         rate = coordinate_of(name)
         inner = coordinate_of(rate)
-        if isinstance(thing := self.model.elements.get(inner), (Point, Vector)):
-            kind = type(thing).__name__.lower()
+        if isinstance(element := self.model.elements.get(inner), (Point, Vector)):
+            kind = type(element).__name__.lower()
             raise ModelError(
                 f"{self.name}: {inner} is a {kind} of three coordinates, {inner}.x and others; run.{kind}({inner!r}) has them all"
             )

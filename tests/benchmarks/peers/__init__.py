@@ -22,7 +22,7 @@ from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.report.methods import FIXED, TimeIsUp, time_limit
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.entry_points import simulate
 
 Run = Callable[[], tuple[float, np.ndarray]]
 """A run: seconds, and positions of B0."""

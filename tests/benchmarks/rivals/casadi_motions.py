@@ -20,7 +20,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
 from ncgen.program.motions.dynamics import MotionPrograms, assemble_motion
-from ncgen.solver.engines.compiled import own_positions
+from ncgen.solver.engines.acceleration_forms import own_positions
 
 CLOSINGS = 2
 """Newton steps with which the end of a step is closed, each time: CasADi's have to be a given number."""

@@ -1,0 +1,111 @@
+"""State derivatives in C over all coordinates: which form of accelerations a run takes, of a recursion or of the factored matrix."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ncgen.errors import NcgenError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.reactive import ReactiveForce
+from ncgen.methods.method import Method
+from ncgen.methods.table import AUTO
+from ncgen.program.tree.table_layout import tables_of
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.open_tree import open_tree
+from ncgen.solver.positions.partition import (
+    choose_partitions,
+)
+from ncgen.solver.runs.run import Form
+from ncgen.symbolic.tree import spanning_tree
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+    from ncgen.mechanism.motion_sources import Seen
+from ncgen.solver.engines.capabilities import refusal
+from ncgen.solver.engines.partition_dynamics import samples, split_of
+
+MOST_RATES = 60
+"""Rates of a tree of bodies up to which a recursion is written out where nobody asked for it: it is compiled in some seconds."""
+
+FEW_RATES = 20
+"""The same of a tree that moves in loops over tables, too, at two to three times the cost: an arm of 20 takes 10,000 operations, which are
+assembled and compiled in 2 s."""
+
+
+def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dense", integrator: str = AUTO) -> ConstrainedDynamics:
+    """The state derivative over all coordinates, made once for every kernels object, number type and form.
+
+    form: "emitted" for accelerations that are emitted, seen in positions around the model's own start, so that they are the same in
+        every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
+    integrator: for which the runtime is compiled at the same time
+    """
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+    from ncgen.mechanism.runtime_library import part_for
+
+    def made() -> ConstrainedDynamics:
+        samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
+        tree = open_tree(kernels) if form == "tree" else None
+        part = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
+        return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, part)
+
+    return kernels.remember("constrained dynamics", (number, form), made)
+
+
+def form_of(kernels: Kernels, method: Method) -> Form:
+    """What accelerations a run over all coordinates takes where nobody says: of a recursion over the tree of bodies that is emitted
+    and compiled, or in loops over tables, or of the factored matrix."""
+    if _may_recur(kernels, method) and not _has_few_rates(kernels, FEW_RATES) and open_tree(kernels):
+        return "tree"
+    if _is_recursive(kernels, method):
+        return "emitted"
+    return "tree" if _may_recur(kernels, method) and open_tree(kernels) else "dense"
+
+
+def _may_recur(kernels: Kernels, method: Method) -> bool:
+    """True where a recursion could give the accelerations of a method."""
+    if (
+        kernels.model.branches
+        or refusal(kernels, method, "c", "double")
+        or not (method.formalism.name == "lagrange" and method.integrator.takes_recursion)
+    ):
+        return False
+    return method.options.get("stabilisation") == "projection"
+
+
+def has_emitted_recursion(kernels: Kernels, method: Method, least: int = 1) -> bool:
+    """True where a run over all coordinates takes its accelerations from a recursion that is emitted and compiled, with all forces.
+
+    least: rates of the tree of bodies; with 0 of them, as of points alone, a run takes others, but there is such a recursion
+    """
+    callbacks = kernels.model.callbacks
+    return (not callbacks or ReactiveForce.only(callbacks) is not None) and _is_recursive(kernels, method, least)
+
+
+def _is_recursive(kernels: Kernels, method: Method, least: int = 1) -> bool:
+    from ncgen.mechanism.library import CompiledKernels
+
+    if not isinstance(kernels, CompiledKernels) or not _has_few_rates(kernels, least=least):
+        return False
+    return _may_recur(kernels, method) and all_coordinates(kernels, form="emitted", integrator=method.integrator.name).is_emitted
+
+
+def _has_few_rates(kernels: Kernels, most: int | None = None, least: int = 1) -> bool:
+    """True for a tree of bodies that can be emitted: without compiling for long, unless the kernels are to be of the most effort.
+
+    least, most: rates (default: MOST_RATES)
+    """
+    freedoms = kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).dof)
+    return least <= freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
+
+
+def own_positions(kernels: Kernels, least: int = 1) -> Seen | None:
+    """Independent coordinates of the positions at a model's own start, and `samples` around it; None where there are none, or less than the
+    least rates."""
+    if not _has_few_rates(kernels, least=least):
+        return None
+    try:
+        q = assemble(kernels, kernels.q0)
+        return split_of(choose_partitions(kernels, q).position), samples(kernels, q, kernels.p0)
+    except NcgenError:
+        return None
