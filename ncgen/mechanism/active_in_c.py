@@ -39,7 +39,7 @@ class Active:
         integers |= {name: np.zeros(len(kinds), dtype=np.intc) for name in MASKS}
         for name in MASKS:
             setattr(self, name, integers[name])
-        self._integers, self._loads = integers, np.zeros(4 * len(kinds))
+        self._integers, self._loads = integers, np.zeros(4 * len(kinds) + 2)  # and of what slides
         members = {name: pointer(self._ffi, array, "int[]") for name, array in integers.items()}
         self._struct: InC = self._ffi.new("ncgen_active *", members | {"count": len(kinds), "loads": pointer(self._ffi, self._loads)})
 
