@@ -142,6 +142,10 @@ def test_what_has_no_derivative():
     limit = 3.5 * 0.2 * 1.5 * math.sqrt(1.8 * G)
     with pytest.raises(ncgen.ModelError, match=r"the event floor, which at t = 0.428352937 s is at the limit between sticking and sliding"):
         ncgen.sensitivities(kernels, 0.6, 6, by=["mu"], qd0=velocity(0.0, limit / RADIUS), **GIVEN)
+    with pytest.raises(ncgen.ModelError, match=r"ball: hessian does not support events yet \(floor\)"):
+        ncgen.hessian(kernels, 0.6, 6, lambda q, qd: (0.0, None, None, None))
+    with pytest.raises(ncgen.ModelError, match=r"block: hessian does not support events yet \(push, guide\)"):
+        ncgen.hessian(guided(), 0.6, 6, lambda q, qd: (0.0, None, None, None))
     kernels = in_space(push=lambda t: (10 * t, 0, 0))
     with pytest.raises(
         ncgen.ModelError, match=r"floor, which at t = 0.6867[0-9]* s begins to slide in space, where friction has no direction"

@@ -257,9 +257,10 @@ def test_an_event_that_ends_the_motion(tmp_path):
     assert stopped and said == "ok" and counts == [1] and last[0] == pytest.approx(0.5, rel=1e-13)
 
 
-def screw() -> ncgen.Model:
-    m, s = sliding_block("screw")
-    pressed = m.constrain(s - m.elements["A"].x, label="nut")
+def shared() -> ncgen.Model:
+    m, s = sliding_block("shared")
+    A = m.elements["A"]
+    pressed = m.constrain(s - A.x, label="nut")
     m.friction(s, coefficient=0.1, load=pressed)
     return m
 
@@ -281,7 +282,7 @@ def called() -> ncgen.Model:
 @pytest.mark.parametrize(
     ("model", "target", "message"),
     [
-        (screw, "c", "screw cannot be exported: friction of loads is not exported yet (s.friction); give coulomb, or use ncgen.simulate"),
+        (shared, "c", "shared cannot be exported: the load of friction s.friction is shared with redundant constraints; leave these out"),
         (touching, "fmu2", "touching cannot be exported: friction of contacts is not exported yet (floor)"),
         (called, "c", "called cannot be exported: event seen calls a Python function"),
         (ball, "casadi", "ball cannot be exported: this export does not support events yet (floor); take c,"),

@@ -178,3 +178,21 @@ def test_a_clutch_and_a_ratchet(mode, version, tmp_path):
         assert found[name][together] == pytest.approx(4.0, abs=1e-8)
     assert found["rate(psi2)"][-1] == pytest.approx(4.0, abs=1e-8) and found["rate(psi1)"][-1] == pytest.approx(0.0, abs=1e-10)
     assert found["count(pawl)"][-1] == 1
+
+
+@VERSIONS
+@MODES
+def test_friction_that_follows_a_load(mode, version, tmp_path):
+    """A block of 2 kg on a guide that bears 4 N, μ 0.5: from 1 m/s it stops after 1 s, and a push of t N exceeds 2 N at 2 s."""
+    m, s = sliding_block("guided", mass=2.0)
+    B = m.point("B", (0, 1), fixed="x")
+    m.body("rider", [B], mass=1.0)
+    m.force(B, (0, 4.0))
+    m.torque(s, m.time * ncgen.smooth_step((m.time - 1.5) / 0.1))
+    m.friction(s, coefficient=0.5, load=m.constrain(B.y - 1, label="guide"))
+    m.simulation(duration=3.0, qd0={"s": 1.0})
+    export(m, f"fmu{version}", tmp_path)
+    assert validate_fmu(str(tmp_path / "guided.fmu")) == []
+    found = simulated(tmp_path, "guided", mode, 3.0, 0.1, output=["s", "rate(s)", "count(s.friction)"])
+    assert found["s"][-1] == pytest.approx(0.5 + 1 / 12, abs=1e-8) and found["count(s.friction)"][-1] == 2
+    assert np.max(np.abs(found["rate(s)"][(found["time"] > 1.05) & (found["time"] < 1.95)])) < 1e-12

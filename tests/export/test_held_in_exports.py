@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import sys
 from pathlib import Path
@@ -18,6 +19,7 @@ import ncgen
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "events"))
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "examples"))
 
+from test_loaded_friction import RADIUS, TAN, WEIGHT, screw  # noqa: E402
 from test_locks import two_discs  # noqa: E402
 from winch import winch as lift  # noqa: E402
 
@@ -139,6 +141,29 @@ def hoist() -> ncgen.Model:
     return m
 
 
+def guided(push, side, speed: float, duration: float) -> ncgen.Model:
+    """A block of 2 kg whose friction follows the load of its guide. push, side: forces (N) along and across it"""
+    m = ncgen.Model("block")
+    axis = m.vector("axis", (1, 0, 0), fixed=True)
+    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (1, 0))
+    s = m.slide("s", O, A, axis)
+    m.body("block", [A], mass=2.0)
+    m.force(A, (push(m.time), side(m.time)))
+    m.friction(s, coefficient=0.5, load=m.constrain(A.y, label="guide"))
+    m.simulation(duration=duration, qd0={"s": speed})
+    return m
+
+
+def guide() -> ncgen.Model:
+    """It stops at 1 s, and the push t N exceeds 0.5 · 4 N at 2 s."""
+    return guided(lambda t: sympy.Piecewise((0, t < 1.5), (t, True)), lambda t: 4.0, 1.0, 3.0)
+
+
+def turning_load() -> ncgen.Model:
+    """The load is 4 cos t."""
+    return guided(lambda t: 0.0, lambda t: 4 * sympy.cos(t), 10.0, 5.0)
+
+
 def at_rest() -> ncgen.Model:
     """A ball that comes to rest on the floor."""
     m = ball()
@@ -164,7 +189,8 @@ def pressed() -> ncgen.Model:
 MODELS = {
     "belt": belt, "oscillator": oscillator, "clutch": clutch, "slipping clutch": slipping_clutch, "gripped": gripped,
     "ratchet": lambda: winch(2.0), "ratchet driven back": lambda: winch(-3.0), "brake": brake, "freewheel": freewheel, "hit ratchet": hit,
-    "winch": hoist, "locked solid": solid, "teeth": teeth, "pressed at the start": pressed,
+    "winch": hoist, "guide": guide, "load that changes its sign": turning_load, "locked solid": solid, "teeth": teeth,
+    "pressed at the start": pressed,
 }  # fmt: skip
 
 
@@ -216,3 +242,26 @@ def test_a_block_on_a_belt_is_where_the_closed_form_says(tmp_path):
     events, *_ = run_in_c(belt(), tmp_path, 20.0, 1e-12)
     slip = 2 * math.pi - 2 * math.atan(2 / 3)
     assert [row[0] for row in events if row[0] > 0] == pytest.approx(np.cumsum([4 / 3, slip] * 3), rel=1e-10)
+
+
+def turned_screw(ratio_of_inertia: float, couple, speed: float) -> ncgen.Model:
+    """The screw of T16: a couple (N m) of time on its nut, which turns with `speed`."""
+    m = copy.deepcopy(screw(0.1, ratio_of_inertia).model)
+    m.torque(m.elements["turn"], couple(m.time))
+    m.simulation(duration=0.4, qd0={"turn": speed})
+    return m
+
+
+def test_a_screw_locks_itself(tmp_path):
+    """The couple t lifts the load where it exceeds W r tan(λ + φ) = 0.301507538 N m."""
+    events, last, _, _, said = run_in_c(turned_screw(50.0, lambda t: t, 0.0), tmp_path, 0.4, 1e-11)
+    slips = WEIGHT * RADIUS * (TAN + 0.1) / (1 - 0.1 * TAN)
+    assert said == "ok" and events[-1][0] == pytest.approx(slips, rel=1e-10) and last[0] == 0.4
+
+
+def test_a_load_that_is_not_determined_ends_the_motion(tmp_path):
+    """As our own run: m r²/J is above 402."""
+    *_, said = run_in_c(turned_screw(403.0, lambda t: 0.0, 1.0), tmp_path / "above", 0.01, 1e-11)
+    assert said.startswith("the load that friction follows is not determined")
+    *_, said = run_in_c(turned_screw(401.0, lambda t: 0.0, 1.0), tmp_path / "below", 0.01, 1e-11)
+    assert said == "ok"

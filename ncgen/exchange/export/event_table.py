@@ -112,9 +112,10 @@ class EventTable:
 
     @cached_property
     def loads(self) -> list[str]:
-        """What conditions of loads are of; a joint has two, for each side."""
+        """What conditions of loads are of; a joint has two, for each side; all loads that friction follows have one together."""
         sides = {2: (" down", " up"), 1: ("",), 0: ()}
-        return [f"{each.name}{side}" for each in self.holdables for side in sides[LOADS[each.kind]]]
+        determined = ["friction of loads"] if self.follows_loads else []
+        return [*(f"{each.name}{side}" for each in self.holdables for side in sides[LOADS[each.kind]]), *determined]
 
     @cached_property
     def own(self) -> tuple[str, ...]:
@@ -131,7 +132,12 @@ class EventTable:
     def programs(self) -> list[Program]:
         """Of conditions, their slopes and rates, and of what actions set."""
         own = assemble_conditions(self.equations, self.conditions, self.values, [], []).values()
-        return [*own, *([self.held.conditions] if self.held else [])]
+        return [*own, *(self.held.programs if self.held else ())]
+
+    @property
+    def follows_loads(self) -> bool:
+        """Whether friction of joints follows loads."""
+        return any(friction.load is not None for friction in self.kernels.model.frictions.values())
 
     @cached_property
     def _formulas(self) -> dict[str, object] | None:
@@ -158,6 +164,7 @@ class EventTable:
             "holds": self.hold_rows,
             "own": [self.kernels.parameters.index(name) for name in self.own],
             "loads": len(self.loads),
+            "follows_loads": self.follows_loads,
             "most": max(count, actions.most),
             "law": actions.law,
             "directions": [*actions.directions, *[-1] * (count - len(self.events))],
@@ -174,8 +181,6 @@ class EventTable:
 
 def refusal_of_events(model: Model) -> str | None:
     """Why the events of a model cannot be exported, in words, or None."""
-    if loaded := [name for name, friction in model.frictions.items() if friction.load is not None]:
-        return f"friction of loads is not exported yet ({listed_names(loaded)}); give coulomb, or use ncgen.simulate"
     if model.contacts:
         return f"friction of contacts is not exported yet ({listed_names(list(model.contacts))}); leave it out, or use ncgen.simulate"
     if called := [event.name for event in model.events.values() if event.is_called]:

@@ -10,6 +10,8 @@ import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ncgen.compiler import compile, generate
 from ncgen.emit.sources import Sources
 from ncgen.mechanism.kernels import Kernels
@@ -17,7 +19,11 @@ from ncgen.model import Model
 from ncgen.model.values import Scalar, evaluate, symbol_of
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_programs import HeldLoad, assemble_mode_conditions
+from ncgen.program.motions.sliding import assemble_friction
+from ncgen.solver.events.modes import sliding_of
+from ncgen.solver.events.rubbing import SHARED
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
+from ncgen.solver.positions.rank import null_space, scaled_jacobian
 from ncgen.solver.trajectories.output_values import uses_loads
 
 GAP, JOINT, RATCHET, LOCK = "NCGEN_HOLDS_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_RATCHET", "NCGEN_HOLDS_LOCK"
@@ -32,7 +38,8 @@ class Holdable:
     """What may be held. condition: number of its condition, −1 of a lock; row: the expression that stays zero; switch: its parameter
 
     held: name of the parameter that says where it is held, "" of a gap; position, initial: where it is, now and in the initial position
-    slip: name of the input that says in which direction it slips, "" of all but joints; static: friction that holds it
+    slip: name of the input that says in which direction it slips, "" of all but joints; static: friction that holds it, times the load of
+    the constraints `pressed` where there are some
     """
 
     kind: str
@@ -45,15 +52,17 @@ class Holdable:
     initial: Scalar = 0.0
     slip: str = ""
     static: Scalar | None = None
+    pressed: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class HeldMechanism:
-    """sources, kernels: of the mechanism with all that may be held as constraints; conditions: those of the mechanism, then of loads"""
+    """sources, kernels: of the mechanism with all that may be held as constraints; programs: its conditions with those of loads, and the
+    friction that follows loads, where there is some"""
 
     sources: Sources
     kernels: Kernels
-    conditions: Program
+    programs: tuple[Program, ...]
 
 
 def holdables(model: Model) -> tuple[Holdable, ...]:
@@ -67,7 +76,8 @@ def _holdables(model: Model) -> Iterator[Holdable]:
         if event.impact and event.impact.rest == "hold":
             yield Holdable(kind=GAP, name=event.name, condition=k, row=event.when, switch=f"{event.name}.on")
     for k, friction in enumerate(model.frictions.values(), first):
-        yield _where_it_is(JOINT, friction.name, k, friction.along, friction.held, friction.slip, friction.static)
+        joint = _where_it_is(JOINT, friction.name, k, friction.along, friction.held, friction.slip, friction.static)
+        yield replace(joint, pressed=friction.pressed)
     for k, ratchet in enumerate(model.ratchets.values(), first + len(model.frictions)):
         yield _where_it_is(RATCHET, ratchet.name, k, ratchet.along, ratchet.held)
     for lock in model.locks.values():
@@ -120,7 +130,21 @@ def held_mechanism(model: Model, conditions: Sequence[tuple[str, Scalar]]) -> He
     sources = generate(other)
     kernels = compile(sources, backend="numpy")
     loads = [
-        HeldLoad(words=each.name, row=kernels.m - len(some) + i, static=each.static) for i, each in enumerate(some) if each.kind != LOCK
+        HeldLoad(words=each.name, row=kernels.m - len(some) + i, static=each.static, pressed=each.pressed)
+        for i, each in enumerate(some)
+        if each.kind != LOCK
     ]
-    programs = assemble_mode_conditions(sources.programs.equations, conditions, loads, (), motion_sizes(kernels), kernels.row_sizes)
-    return HeldMechanism(sources, kernels, replace(programs["conditions"], name="held_conditions"))
+    sliding, sizes, equations = sliding_of(kernels, (), model.frictions.values()), motion_sizes(kernels), sources.programs.equations
+    made = assemble_mode_conditions(equations, conditions, loads, sliding, sizes, kernels.row_sizes)["conditions"]
+    friction = assemble_friction(equations, sizes, sliding).values() if sliding else ()
+    return HeldMechanism(sources, kernels, (replace(made, name="held_conditions"), *friction))
+
+
+def refusal_of_shared(kernels: Kernels, q: np.ndarray) -> str | None:
+    """Why friction cannot follow the loads of a mechanism that begins at q (n,), in words, or None: redundant constraints share them."""
+    cancelling = null_space(scaled_jacobian(kernels, q).T)
+    for friction in kernels.model.frictions.values():
+        for row in friction.pressed:
+            if cancelling.size and np.max(np.abs(cancelling[row])) > SHARED:
+                return f"the load of friction {friction.name} is shared with redundant constraints; leave these out"
+    return None

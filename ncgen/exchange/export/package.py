@@ -22,7 +22,7 @@ from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, neede
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
 from ncgen.exchange.export.event_table import EventTable, refusal_of_events
-from ncgen.exchange.export.held_mechanism import HeldMechanism, refusal_of_loads, with_switches
+from ncgen.exchange.export.held_mechanism import HeldMechanism, refusal_of_loads, refusal_of_shared, with_switches
 from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_sources import motion_source
@@ -274,6 +274,7 @@ def package(model: Model, events: bool = False) -> Package:
     sources, kernels = _generated(model)
     run = _simulation(kernels)
     start = begin(kernels, run.initial, partitioned=True)
+    _require_none(model, refusal_of_shared(kernels, start.q))
     positions = trial_positions(kernels, start.q, 0.0, None)
     sizes = MotionSizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):

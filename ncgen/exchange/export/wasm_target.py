@@ -21,6 +21,7 @@ CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD 
 FUNCTIONS = (
     "phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches", "conditions", "condition_slopes", "condition_rates",
     "action_values", "held_phi", "held_phi_q", "held_nu", "held_gamma", "held_conditions",
+    "friction_forces",
 )  # fmt: skip
 """Functions that the runtime calls, in the order of ncgen_linked.h."""
 
@@ -86,7 +87,15 @@ def _integers(package: Package) -> list[int]:
     """The description in whole numbers, as ncgen_linked.h says; numbers of functions are 0 until they are linked."""
     kernels, breaks, drives = package.kernels, package.switching, [package.kernels.index[name] for name in package.independent]
     singular, rank = package.singular_mass, package.rank
-    counts = [kernels.n, kernels.m, len(kernels.p0), rank if rank < kernels.m else 0, int(singular), int(package.conservative), len(drives)]
+    counts = [
+        kernels.n,
+        kernels.m,
+        len(kernels.p0),
+        rank if rank < kernels.m else 0,
+        int(singular),
+        int(package.conservative and not (package.events and package.events.follows_loads)),
+        len(drives),
+    ]
     counts += [breaks.lines, breaks.curves, int(breaks.jumps)] if breaks else [0, 0, 0]
     happening: dict[str, Any] = package.events.described if package.events else {}
     counts += [happening[word] for word in ("count", "most")] if happening else [0, 0]

@@ -5,9 +5,9 @@
 #include "ncgen_held.h"
 #include "ncgen_state.h"
 
-enum { HEAD = 38, FIRST_FUNCTION = 21, MOST_STEPS = 1000000, AXES = 3 };
+enum { HEAD = 39, FIRST_FUNCTION = 21, MOST_STEPS = 1000000, AXES = 3 };
 enum { PHI, PHI_Q, NU, GAMMA, MASS, FORCE, ENERGY, SWITCHES, CONDITIONS, SLOPES, RATES, VALUES };
-enum { HELD_PHI = 12, HELD_PHI_Q, HELD_NU, HELD_GAMMA, HELD_CONDITIONS };
+enum { HELD_PHI = 12, HELD_PHI_Q, HELD_NU, HELD_GAMMA, HELD_CONDITIONS, FRICTION };
 enum { COUNT = 10, MOST, ACTIONS, LAW, SET_NUMBERS, DEGREE, N_EVENTS, HOLDS, LOADS, OWN, HELD_ROWS, ACTION_SIZE = 4, HOLD_SIZE = 7 };
 enum { TIME, WORK, POWER, NEXT_STEP, STATE };
 
@@ -28,6 +28,8 @@ static ncgen_passage passage;
 static const int *drive_places, *own_places;
 static int n, m, n_drives, n_own, m_held, has_breaks, is_conservative;
 static ncgen_real *state, *parameters, *drives, *pulled, *multipliers;
+static ncgen_velocity_kernel *friction; /* that follows loads; NULL: there is none */
+static ncgen_real *friction_forces;
 static const ncgen_real *described;
 
 static int number_of(const int *integers, int which)
@@ -98,9 +100,22 @@ static int pull(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const n
     return NCGEN_OK;
 }
 
+/* The same, and friction that follows loads. */
+static int pull_and_friction(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *out)
+{
+    int status = pull(t, q, qd, p, out);
+    if (status == NCGEN_OK)
+        status = friction(t, q, qd, p, friction_forces);
+    for (int i = 0; i < n; ++i)
+        out[i] += friction_forces[i];
+    return status;
+}
+
 void ncgen_linked_set_pull(int acts)
 {
-    own.dynamics.external = with_drives.dynamics.external = acts ? pull : NULL;
+    own.dynamics.external = with_drives.dynamics.external = held.dynamics.external = acts ? pull : NULL;
+    if (events.follows_loads)
+        held.dynamics.external = acts ? pull_and_friction : friction;
     own.dynamics.conservative = with_drives.dynamics.conservative = held.dynamics.conservative = is_conservative && !acts;
 }
 
@@ -150,6 +165,8 @@ static void read_held(const int *integers, const int *at)
     events.held_model = model;
     events.held_dynamics = &held.dynamics;
     events.held_conditions = at_velocity(integers, HELD_CONDITIONS);
+    friction = at_velocity(integers, FRICTION);
+    events.follows_loads = friction != NULL;
 }
 
 /* at: where directions begin among the integers */
@@ -282,7 +299,7 @@ static int events_in_state(void)
 static int of_events(const int *integers)
 {
     const int count = events.count, all = count + events.n_loads, samples = (watched.degree + 3) * 2 * all;
-    return count > 0 ? samples + NCGEN_EVENTS_WORKSPACE(count, events.most, n, integers[SET_NUMBERS]) + 2 * n + 2 * all : 0;
+    return count > 0 ? samples + NCGEN_EVENTS_WORKSPACE(count, events.most, n, integers[SET_NUMBERS]) + 3 * n + 2 * all : 0;
 }
 
 /* Of everything that is kept between calls. */
@@ -325,7 +342,8 @@ static void place_events(const int *integers, const ncgen_real *numbers)
     passage.flags = passage.directions + all;
     watched.samples = multipliers + most_rows();
     passage.room = watched.samples + (watched.degree + 3) * 2 * all;
-    passage.workspace = passage.room + 2 * n + 2 * all;
+    friction_forces = passage.room + 2 * n + 2 * all;
+    passage.workspace = friction_forces + n;
 }
 
 size_t ncgen_linked_size(const int *integers)

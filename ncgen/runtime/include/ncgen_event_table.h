@@ -23,9 +23,10 @@
 /* What the functions of ncgen_events.h return besides: bounces accumulate at a gap that is to be held closed, which nobody does here; events bring about
  * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start; an event has ended the
  * motion before; no impulses obey the laws of impact and friction; an impact would give energy; a log is full;
- * no set of what may be held agrees with its loads; a lock cannot close, since drivers or other locks move it. */
+ * no set of what may be held agrees with its loads; a lock cannot close, since drivers or other locks move it;
+ * the load that friction follows is not determined. */
 enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_NO_IMPULSES, NCGEN_GAIN, NCGEN_LOG_FULL,
-       NCGEN_NO_MODE, NCGEN_MOVED };
+       NCGEN_NO_MODE, NCGEN_MOVED, NCGEN_UNDETERMINED };
 
 /* Laws of several impacts at one instant; without one they are refused. */
 enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
@@ -80,6 +81,8 @@ typedef struct ncgen_events {
     const ncgen_mode *modes;      /* from number 1 on */
     int n_velocities;             /* so many conditions, the last ones, are velocities of joints and ratchets, no events */
     int n_holds, n_loads;         /* instead of modes */
+    int follows_loads;            /* 1: friction of joints follows loads; the mechanism with switches then moves even where nothing is held, and its
+                                   * last condition of loads is positive as long as these are determined */
     const ncgen_hold *holds;
     const ncgen_model *held_model;       /* the mechanism with all that may be held as its last rows, each times p[on] */
     const ncgen_dynamics *held_dynamics;

@@ -169,10 +169,11 @@ static int advance(ncgen_event_runs *runs)
         status = run(runs, &in, &statistics);
     if (status == NCGEN_OK && statistics.stopped) {
         if (runs->events->n_holds)
-            ncgen_mark_crossed_loads(runs->events, in.watched.count, in.watched.crossed, passage);
+            status = ncgen_mark_crossed_loads(runs->events, in.watched.count, in.watched.crossed, passage);
         else
             ncgen_mark_crossed(runs->events, in.watched.count, in.watched.crossed, passage);
-        status = ncgen_apply_events(&runs->driven, runs->events, runs->own_p, &runs->moment, passage);
+        if (status == NCGEN_OK)
+            status = ncgen_apply_events(&runs->driven, runs->events, runs->own_p, &runs->moment, passage);
     }
     if (status == NCGEN_OK && is_full(runs))
         status = NCGEN_LOG_FULL;

@@ -418,10 +418,11 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
         if (events->n_holds)
-            ncgen_mark_crossed_loads(events, in.watched.count, in.watched.crossed, passage);
+            status = ncgen_mark_crossed_loads(events, in.watched.count, in.watched.crossed, passage);
         else
             ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
-        status = ncgen_apply_events(d, events, p, moment, passage);
+        if (status == NCGEN_OK)
+            status = ncgen_apply_events(d, events, p, moment, passage);
     }
     return status;
 }

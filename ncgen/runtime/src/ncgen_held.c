@@ -3,6 +3,9 @@
 #include "ncgen_active.h"
 #include "ncgen_vectors.h"
 
+/* Loads are determined where all determinants are above this share of those without friction. */
+static const ncgen_scalar determined = R(1.0e-9);
+
 void ncgen_read_held(const ncgen_events *events, const ncgen_real *p, int *held)
 {
     for (int h = 0; h < events->n_holds; ++h)
@@ -37,7 +40,7 @@ int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition)
 
 void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_passage *passage, ncgen_entered *in)
 {
-    int some = 0;
+    int some = events->follows_loads;
     in->driven = *d;
     in->options = *d->options;
     in->watched = *d->options->event;
@@ -47,7 +50,8 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
         some |= p[events->holds[h].on] > 0;
     if (some) {
         in->dynamics = *events->held_dynamics;
-        in->dynamics.external = d->dynamics->external;
+        if (!events->follows_loads)
+            in->dynamics.external = d->dynamics->external;
         in->dynamics.conservative = d->dynamics->conservative && events->held_dynamics->conservative;
         in->driven.model = events->held_model;
         in->driven.dynamics = &in->dynamics;
@@ -65,9 +69,18 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
             passage->directions[k] = p[events->holds[h].on] > 0 ? -1 : NCGEN_UNWATCHED;
             passage->signs[k] = 1;
         }
+    if (events->follows_loads) {
+        passage->directions[events->count + events->n_loads - 1] = -1;
+        passage->signs[events->count + events->n_loads - 1] = 1;
+    }
 }
 
-void ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
+int ncgen_is_determined(const ncgen_events *events, const ncgen_real *pairs)
+{
+    return !events->follows_loads || pairs[2 * (events->count + events->n_loads - 1)] > determined;
+}
+
+int ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
 {
     int *released = released_of(events, passage);
     for (int k = 0; k < events->count; ++k)
@@ -78,11 +91,13 @@ void ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *
             if (events->count + events->holds[h].load + l < count && crossed[events->count + events->holds[h].load + l])
                 released[h] = ncgen_side_of(events->holds[h].kind, l);
     }
+    const int last = events->count + events->n_loads - 1;
+    return events->follows_loads && last < count && crossed[last] ? NCGEN_UNDETERMINED : NCGEN_OK;
 }
 
 int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage)
 {
-    int some = 0;
+    int some = events->follows_loads;
     for (int h = 0; h < events->n_holds; ++h) {
         some |= p[events->holds[h].on] > 0;
         released_of(events, passage)[h] = 0;
@@ -91,6 +106,8 @@ int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const n
         return 0;
     const int status = events->held_conditions(moment->t, moment->q, moment->qd, p, passage->room);
     some = 0;
+    if (status == NCGEN_OK && !ncgen_is_determined(events, passage->room))
+        return -NCGEN_UNDETERMINED;
     for (int h = 0; h < events->n_holds && status == NCGEN_OK; ++h)
         for (int l = 0; p[events->holds[h].on] > 0 && l < ncgen_loads_of(events->holds[h].kind); ++l) {
             const ncgen_real *load = passage->room + 2 * (events->count + events->holds[h].load + l);

@@ -22,11 +22,15 @@ void ncgen_write_held(const ncgen_events *events, const int *held, int all, ncge
 /* The direction in which a condition happens: 1, -1, 0 for either, NCGEN_UNWATCHED for none. */
 int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition);
 
+/* Are the loads that friction follows determined? pairs: the held_conditions */
+int ncgen_is_determined(const ncgen_events *events, const ncgen_real *pairs);
+
 /* Mark what its load no longer holds as released, in passage->flags; how many, or a negative status. nearly: also where the load cannot
  * be told from its limit. */
 int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage);
 
-/* What crossed at the end of a run, of so many that were watched: conditions that are due, and what is released. */
-void ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage);
+/* What crossed at the end of a run, of so many that were watched: conditions that are due, and what is released. NCGEN_UNDETERMINED where
+ * loads that friction follows no longer are. */
+int ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage);
 
 #endif

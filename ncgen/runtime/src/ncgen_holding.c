@@ -250,5 +250,8 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
     for (int h = 0; h < n; ++h)
         if (e->holds[h].kind == NCGEN_HOLDS_GAP && (released[h] || wanted[h]))
             i->passage->signs[e->holds[h].condition] = 1;
-    return NCGEN_OK;
+    if (!e->follows_loads)
+        return NCGEN_OK;
+    status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, i->passage->room);
+    return status == NCGEN_OK && !ncgen_is_determined(e, i->passage->room) ? NCGEN_UNDETERMINED : status;
 }

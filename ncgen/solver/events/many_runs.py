@@ -240,7 +240,7 @@ class ManyRuns:
         )
         made = self._compiled(
             kernels, "held_conditions", "conditions", 2 * (self.functions.count + loads),
-            lambda: {"conditions": replace(mechanism.conditions, name="conditions")},
+            lambda: {"conditions": replace(mechanism.programs[0], name="conditions")},
         )  # fmt: skip
         dynamics = acceleration_forms.all_coordinates(kernels, form="dense", integrator=self.method.integrator.name)
         return rows, HeldGaps((), dynamics, -1, made.address("conditions")), loads
