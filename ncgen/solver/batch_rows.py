@@ -48,7 +48,7 @@ def common_size(mechanism: str, counts: Mapping[str, int]) -> int:
 def refuse_batch_options(function: str, **options: object) -> None:
     """Raise ModelError for an option of a batch that is given where there is one state."""
     for name, value in options.items():
-        if value is not None and not (name == "threads" and value == 1):
+        if value is not None and not (name == "threads" and isinstance(value, int) and value == 1):
             raise ModelError(f"{function}: {name} is for a batch, and no argument has rows; leave it out, or give rows of states")
 
 

@@ -180,7 +180,7 @@ def simulate_batch(
     """Simulate a batch; arguments, results and errors as of `simulate` with rows."""
     inputs = arguments.get("inputs")
     in_common: dict[str, Any] = {**arguments, "formalism": "coordinate-partitioning"}
-    if in_common.get("integrator", AUTO) == AUTO:
+    if isinstance(integrator := in_common.get("integrator", AUTO), str) and integrator == AUTO:
         in_common["integrator"] = "dopri5"
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)

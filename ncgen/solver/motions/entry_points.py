@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.batch_rows import WITH_ROWS, has_rows, refuse_batch_options, states_of
-from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver.given import Given, checked_kernels, count
 from ncgen.solver.groups import MotionArguments, OneMotion, OneStart, OneState, StartArguments, takes, without_unused
 from ncgen.solver.runs.progress_reports import ProgressOption
 
@@ -120,7 +120,7 @@ def simulate(
     if stop is not None:
         raise ModelError(f"simulate: stop is given {WITH_ROWS}; define an event of the model, which ends each state by itself")
     options = {**arguments}
-    if options.get("formalism") == PARTITIONING:
+    if isinstance(formalism := options.get("formalism"), str) and formalism == PARTITIONING:
         del options["formalism"]
     options = without_unused("simulate", options, ("formalism", "engine", "number", "options", "closing"), WITH_ROWS)
     return simulate_batch(kernels, duration, points=2 if points is None else points, threads=threads, progress=progress, **options)
@@ -176,7 +176,7 @@ def start(
     from ncgen.solver.motions.simulations import start_batch
 
     states = states_of(checked_kernels(kernels).name, arguments)
-    if variants is not None and has_rows(arguments) and variants != len(states):
+    if variants is not None and has_rows(arguments) and count(variants, "variants") != len(states):
         raise ModelError(f"start: variants is {variants}, and the start has {len(states)} rows; leave variants out")
     return start_batch(kernels, len(states) if variants is None else variants, states, threads)
 
