@@ -84,7 +84,7 @@ def test_the_reference_is_trusted_and_kept(tmp_path, monkeypatch):
     kernels = ncgen.compile(ncgen.load("pendulum"), "c")
     first = precision.reference(kernels, 1.0, {})
     assert first.doubt < 1e-10
-    monkeypatch.setattr(precision, "simulate", None)
+    monkeypatch.setattr(precision, "simulate_one", None)
     again = precision.reference(kernels, 1.0, {})
     assert np.array_equal(first.q, again.q) and first.doubt == again.doubt
 

@@ -99,3 +99,13 @@ def test_refusals():
         m.friction(B.x, coefficient=0.1, load="pin x", across="pin x", name="other")
     with pytest.raises(ModelError, match="coefficient and load belong together"):
         m.friction(B.x, coulomb=1.0, across="pin x", name="third")
+
+
+def test_derivatives_are_refused_by_name():
+    with pytest.raises(ModelError, match="friction turn.friction: friction with across has no derivatives yet"):
+        ncgen.sensitivities(ncgen.compile(pinned(0.2)), 0.2, 10, by=["rate(B.y)"], qd0={"turn": 8.0})
+
+
+def test_an_implicit_method():
+    run = ncgen.simulate(ncgen.compile(pinned(0.2)), 0.5, integrator="radau", rtol=1e-9, qd0={"turn": 8.0}, points=2)
+    assert run["turn"][-1] == pytest.approx(reference(0.2, MU, 8.0, 0.5)[0], rel=1e-8)

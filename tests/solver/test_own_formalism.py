@@ -117,9 +117,10 @@ def test_what_is_wrong_is_one_line(pendulum, given, words):
 
 
 def test_other_functions_refuse_it(pendulum):
-    for call in (ncgen.simulate, ncgen.start):
-        with pytest.raises(ncgen.ModelError, match="formalism is given, and it has no effect here"):
-            call(*(pendulum, 0.1)[: 2 if call is ncgen.simulate else 1], formalism=own())
+    rows = np.tile(pendulum.q0, (2, 1))
+    for call in (lambda: ncgen.simulate(pendulum, 0.1, q0=rows, formalism=own()), lambda: ncgen.start(pendulum, formalism=own())):
+        with pytest.raises(ncgen.ModelError, match="formalism is given, and it has no effect (here|with rows of states)"):
+            call()
     with pytest.raises(ncgen.ModelError, match="formalism: an object is no data"):
         ncgen.study(ncgen.load("pendulum"), {"g": [1.0]}, duration=0.1, formalism=own(), keep="B.y")
 

@@ -137,12 +137,12 @@ def _laws(
 
     former: those before it; before_by, after_by (r, N): how velocities before the impact change, and after it at held impulses
     """
-    G, more = rows.G, total - former.impulses
+    G, more, rubs = rows.G, total - former.impulses, any(each.blow.directions for each in rows.gaps)
     matrix, right, velocity = np.eye(len(G)), former.by.copy(), rows.u + G @ total
     for each in rows.gaps:
         blow, gap, across = each.blow, each.blow.gap, each.across
         least = blow.restitution * former.impulses[gap] if blow.is_poisson else 0.0
-        is_closed = more[gap] > least * (1 + RESTITUTION_ROUNDING)
+        is_closed = not rubs or more[gap] > least * (1 + RESTITUTION_ROUNDING)
         if is_closed:
             e, by_e = (0.0, 0.0 * each.restitution) if blow.is_poisson else (blow.restitution, each.restitution)
             matrix[gap], right[gap] = G[gap], -(after_by[gap] + e * before_by[gap] + by_e * rows.u[gap])
