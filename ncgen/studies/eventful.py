@@ -12,10 +12,12 @@ from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism.event_runs import MotionRows
 from ncgen.mechanism.kernel_batch import thread_count
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.properties import is_definite
 from ncgen.methods.table import AUTO
 from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.events.many_runs import ManyRuns, refusal_in_c
 from ncgen.solver.events.passage import check_events
+from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.given import has_events
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.runs.choice import choose
@@ -54,7 +56,7 @@ class EventfulVariants:
             self.run = study.run
             self.method = choose(self.run).method
             check_events(kernels, self.method, self.run)
-            if why := refusal_in_c(kernels, self.method):
+            if why := refusal_in_c(kernels):
                 return why
             of_parameters = any(column.over == "energy_drift" or column.is_output(study.model) for column in study.values)
             return "events change parameters" if of_parameters and Actions.of(kernels).changed(kernels) else None
@@ -96,6 +98,8 @@ class EventfulVariants:
                 initial = Run.from_arguments(self.kernels, **self.study.options(row), points=self.study.grid).initial
                 start = begin(self.kernels, initial, partitioned=False)
                 check_mass(self.kernels, start.q, initial.t, start.p)
+                if not is_definite(self.kernels):
+                    least_energy(self.kernels, start.q, initial.t, start.p)  # which refuses motions without inertia by name
         except (NcgenError, ArithmeticError, np.linalg.LinAlgError):
             return None
         return None if caught else start
