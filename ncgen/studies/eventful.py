@@ -24,6 +24,7 @@ from ncgen.solver.runs.choice import choose
 from ncgen.solver.runs.run import COMPILED, Run
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.energy import drift
+from ncgen.solver.trajectories.happening import Happening
 from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations
 from ncgen.studies.columns import StudiedMotion, columns_of
 from ncgen.studies.definition import Study
@@ -88,7 +89,7 @@ class EventfulVariants:
         many = ManyRuns(kernels=kernels, run=self.run, method=self.method, motions=motions)
         many.carry_out(thread_count(threads, kernels.name), progress)
         given = dict(enumerate(starts))
-        return {given[k]: values for k in sorted(many.carried) if (values := self._kept(many, k))}
+        return {given[k]: values for k in sorted(many.carried) if (values := self._kept(motions, many.carried[k], k))}
 
     def _start(self, row: np.ndarray) -> Start | None:
         """Where a variant starts; None where that is impossible, or a warning has to be given."""
@@ -104,10 +105,9 @@ class EventfulVariants:
             return None
         return None if caught else start
 
-    def _kept(self, many: ManyRuns, k: int) -> Values | None:
+    def _kept(self, motions: MotionRows, events: tuple[Happening, ...], k: int) -> Values | None:
         """What is kept of motion k; None where C does not know it."""
-        motions, events, kernels = many.motions, many.carried[k], self.kernels
-        rows, p = int(motions.rows[k]), motions.p[k]
+        kernels, rows, p = self.kernels, int(motions.rows[k]), motions.p[k]
         t, q, qd, work = motions.times[:rows], motions.out_q[k, :rows], motions.out_qd[k, :rows], motions.out_work[k, :rows]
         if rows < len(motions.times):
             if any(column.over == "energy_drift" for column in self.study.values) or events[-1].limit is not None:

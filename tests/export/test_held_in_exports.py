@@ -167,6 +167,24 @@ def turning_load() -> ncgen.Model:
     return guided(lambda t: 0.0, lambda t: 4 * sympy.cos(t), 10.0, 5.0)
 
 
+def redundant() -> ncgen.Model:
+    """A parallelogram with a third rod, which others imply: it falls onto a floor, with friction at a hinge."""
+    m = ncgen.Model("parallel")
+    A, B = ([m.point(f"{name}{k}", (k, y), fixed=name == "A") for k in range(3)] for name, y in (("A", 0), ("B", 1)))
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.body("coupler", [B[0], B[2]], mass=2.0, inertia="rod")
+    for axis in "xy":
+        first, middle, last = (getattr(B[k], axis) for k in range(3))
+        m.constrain(middle - (first + last) / 2, label=f"middle {axis}")
+    for k in range(3):
+        m.distance(A[k], B[k])
+    m.gravity((0, -G))
+    m.friction(m.angle("psi", x, B[0] - A[0], z), coulomb=3.0, static=4.0, name="hinge")
+    m.event("floor", when=B[0].y + 0.2, do=ncgen.impact(0.4))
+    m.simulation(duration=2.0, qd0={"psi": 1.0})
+    return m
+
+
 def at_rest() -> ncgen.Model:
     """A ball that comes to rest on the floor."""
     m = ball()
@@ -193,7 +211,7 @@ MODELS = {
     "belt": belt, "oscillator": oscillator, "clutch": clutch, "slipping clutch": slipping_clutch, "gripped": gripped,
     "ratchet": lambda: winch(2.0), "ratchet driven back": lambda: winch(-3.0), "brake": brake, "freewheel": freewheel, "hit ratchet": hit,
     "winch": hoist, "guide": guide, "load that changes its sign": turning_load, "locked solid": solid, "teeth": teeth,
-    "pressed at the start": pressed,
+    "pressed at the start": pressed, "redundant": redundant,
 }  # fmt: skip
 
 
