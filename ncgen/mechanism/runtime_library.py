@@ -121,7 +121,7 @@ def _library(number: str, part: Part) -> Path:
     files, flags = _sources(number, part)
 
     def siblings() -> list[Sibling]:
-        others = [other for other in RUNS if other != part and part in (*RUNS, "event runs")]
+        others: list[Part] = [other for other in RUNS if other != part and part in (*RUNS, "event runs")]
         return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in others]
 
     return compiled(files, flags, siblings=siblings).library

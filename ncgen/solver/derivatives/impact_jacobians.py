@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.mechanism.impacts_in_c import LAWS, Blow, impact
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.values import Scalar, is_number
+from ncgen.model.values import Value, is_number
 from ncgen.solver.derivatives.event_equations import along, impulses_to, no_derivative, reactions, solved
 from ncgen.solver.events.condition_jacobians import EventTangents
 from ncgen.solver.events.conditions import changes_of
@@ -103,7 +103,7 @@ class ImpactJacobians:
         contact = next((functions.contacts[number] for number, gap in functions.gaps.items() if gap == k), None)
         event = functions.events[k] if k < len(functions.events) else None
 
-        def changes(words: str, value: Scalar) -> np.ndarray:
+        def changes(words: str, value: Value) -> np.ndarray:
             return np.zeros(values.shape[1]) if is_number(value) else self.element(words, values)
 
         name = event.name if event else functions.ratchets[k].name
