@@ -77,8 +77,7 @@ EVENT_NAMES = {"slopes", "SLOPES", "_condition_slopes"}
 
 UNCHECKED = {
     "ncgen_active", "ncgen_chain", "ncgen_contact_laws", "ncgen_crossing", "ncgen_enclosure", "ncgen_event_log", "ncgen_event_runs",
-    "ncgen_event_table", "ncgen_events", "ncgen_formula", "ncgen_impacts", "ncgen_impulses", "ncgen_inside", "ncgen_least",
-    "ncgen_modes", "ncgen_tree", "ncgen_tree_solve",
+    "ncgen_event_table", "ncgen_events", "ncgen_formula", "ncgen_impulses", "ncgen_inside", "ncgen_tree", "ncgen_tree_solve",
 }  # fmt: skip
 """C of the library, of events and of trees in tables, whose names are still to be changed; the list only becomes shorter."""
 

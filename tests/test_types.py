@@ -38,3 +38,28 @@ def test_annotations_hold(tmp_path):
     command = ["pyright", "--pythonpath", sys.executable, "ncgen", "examples", *tmp_path.glob("readme_*.py")]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+ONE_OR_MANY = """
+import numpy as np
+import ncgen
+
+kernels = ncgen.compile(ncgen.load("fourbar"))
+reveal_type(ncgen.simulate(kernels, 1.0, zd0={"psi": 1.0}, rtol=1e-6))
+reveal_type(ncgen.simulate(kernels, 1.0, zd0=np.zeros((3, 1))))
+reveal_type(ncgen.start(kernels))
+reveal_type(ncgen.start(kernels, 3))
+reveal_type(ncgen.gradient(kernels, 1.0, 3, lambda q, qd: (0.0, None, None)))
+reveal_type(ncgen.accelerations(kernels, [1.0], [2.0]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pyright") is None, reason="pyright is not there; run pip install '.[style]'")
+def test_one_state_and_rows_have_types(tmp_path):
+    """Calls of one state have the type of its result; of arrays no checker knows how many dimensions they have."""
+    file = tmp_path / "calls.py"
+    file.write_text(ONE_OR_MANY, encoding="utf-8")
+    done = subprocess.run(["pyright", "--pythonpath", sys.executable, file], cwd=ROOT, capture_output=True, text=True)
+    types = re.findall(r'is "(\w+)"$', done.stdout, re.MULTILINE)
+    assert types == ["Trajectory", "Any", "Simulation", "Simulations", "Gradient", "StateAccelerations"], done.stdout

@@ -28,7 +28,9 @@ class EventsInC:
 
     actions: (event, name of its kind in C, place, value); law: of several impacts, its name in C; most: velocities that one event sets, or
     the number of events if that is more; n_values: numbers that actions set; watched: the conditions; noise: of these within a step
-    slopes, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed
+    slopes, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed, in modes
+    held: what may be held, the members of `ncgen_hold`, the mechanism for it, and how many conditions its loads have; None: modes
+    n_velocities: so many conditions, the last ones, are those of joints
     """
 
     directions: Sequence[int]
@@ -42,11 +44,18 @@ class EventsInC:
     rates: int
     values: int
     holds: bool
+    held: tuple[Sequence[tuple[str, int, int, int, int, int, int]], HeldGaps, int] | None = None
+    n_velocities: int = 0
 
     @property
     def count(self) -> int:
-        """Of the events."""
+        """Of the conditions."""
         return len(self.directions)
+
+    @property
+    def most_watched(self) -> int:
+        """Conditions that are watched at most: these, and those of the loads that hold gaps and joints."""
+        return self.count + (self.held[2] if self.held else self.count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,12 +166,12 @@ class EventRuns:
     def _settings(self, options: dict[str, Any], sizes: np.ndarray | None) -> InC:
         """The options of all runs, with the conditions that are watched; arrays of these have room for loads."""
         table, ffi = self._table, self._ffi
-        most = 2 * table.count
+        most = table.most_watched
         padded = replace(
             table.watched,
             coordinates=np.full(most, -1),
             values=np.zeros(most),
-            directions=np.append(table.directions, [UNWATCHED] * table.count),
+            directions=np.append(table.directions, [UNWATCHED] * (most - table.count)),
             signs=np.zeros(most),
         )
         self._watched = Watched(padded, ffi, NUMBERS["double"])
@@ -180,8 +189,9 @@ class EventRuns:
         return {
             "signs": self._watched.struct.signs, "happened": self._ints(np.zeros(count)), "due": self._ints(np.zeros(due)),
             "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
-            "directions": self._ints(np.zeros(2 * count)), "wanted": self._at(self._wanted),
-            "room": self._reals(np.zeros(2 * self._n + 4 * count)), "log": self._log,
+            "directions": self._ints(np.zeros(table.most_watched)), "wanted": self._at(self._wanted),
+            "room": self._reals(np.zeros(2 * self._n + 2 * table.most_watched)), "log": self._log,
+            "flags": self._ints(np.zeros(self._library.ncgen_held_integers(len(table.held[0]) if table.held else 0))),
         }  # fmt: skip
 
     def _room_of(self, motions: MotionRows) -> dict[str, Any]:
@@ -210,8 +220,22 @@ class EventRuns:
             "count": table.count, "most": table.most, "n_actions": len(rows), "law": getattr(self._library, table.law),
             "directions": self._ints(table.directions), "actions": actions, "conditions": self._function(table.watched.function or 0),
             "slopes": self._function(table.slopes), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
-            "values": self._function(table.values), "noise": table.noise, **self._modes_in_c(table.holds),
+            "values": self._function(table.values), "noise": table.noise, **(self._held_in_c(table) or self._modes_in_c(table.holds)),
         }  # fmt: skip
+
+    def _held_in_c(self, table: EventsInC) -> dict[str, Any]:
+        """What may be held in one mechanism with switches, as C has it."""
+        if table.held is None:
+            return {}
+        holds, mechanism, loads = table.held
+        names = ("condition", "on", "held", "value", "slip", "load")
+        rows = [{"kind": getattr(self._library, kind), **dict(zip(names, rest, strict=True))} for kind, *rest in holds]
+        model, dynamics = mechanism.dynamics.described(mechanism.rank)
+        members = {"holds": self._ffi.new("ncgen_hold[]", rows), "held_model": model, "held_dynamics": dynamics}
+        self._kept.append(members)
+        self._modes.append(mechanism)
+        counts = {"n_velocities": table.n_velocities, "n_holds": len(rows), "n_loads": loads}
+        return {**members, **counts, "held_conditions": self._function(mechanism.conditions)}
 
     def _modes_in_c(self, holds: bool) -> dict[str, Any]:
         """The modes as C has them; where gaps may be held, an empty one comes first, which no gaps choose."""

@@ -70,7 +70,7 @@ def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, t
     whole = {"count": count, "rows": rows, "law": getattr(library, law), "energy": energy}
     struct: InC = ffi.new("ncgen_impact *", whole | members)
     status = library.ncgen_impact_of_gaps(struct)
-    failure = next((name for name in FAILURES if status == getattr(library, name)), None)
+    failure: Failure | None = next((name for name in FAILURES if status == getattr(library, name)), None)
     turns = []
     for k in range(struct.n_turns if law == "NCGEN_IN_TURN" and not failure else 0):
         blow, pushes = blows[(number := int(integers["turns"][k]))], np.zeros(rows)

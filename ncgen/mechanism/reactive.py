@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -42,7 +42,7 @@ class ReactiveForce:
         return np.array([tangents("friction_tangent", t, q, qd, p, seed) for seed in np.eye(2 * len(q) + len(p))]).T
 
     @staticmethod
-    def only(callbacks: list[Callable[..., np.ndarray]]) -> ReactiveForce | None:
+    def only(callbacks: Sequence[Callable[..., np.ndarray]]) -> ReactiveForce | None:
         """The only one of a model's callbacks; None where there is none, or others."""
         return callbacks[0] if len(callbacks) == 1 and isinstance(callbacks[0], ReactiveForce) else None
 

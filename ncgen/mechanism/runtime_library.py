@@ -112,7 +112,7 @@ def event_runtime() -> tuple[Interface, InC]:
     ffi.include(runtime_abi("double"))
     ffi.cdef(declared("ncgen_event_table.h", "table") + declared("ncgen_event_runs.h"))
     ffi.cdef("".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_event_runs.h")))
-    for name in ("ncgen_action", "ncgen_mode", "ncgen_events", "ncgen_log", "ncgen_event_runs"):
+    for name in ("ncgen_action", "ncgen_mode", "ncgen_hold", "ncgen_events", "ncgen_log", "ncgen_event_runs"):
         ffi.sizeof(name)
     return ffi, opened_by(ffi, _library("double", "event runs"))
 
@@ -121,7 +121,7 @@ def _library(number: str, part: Part) -> Path:
     files, flags = _sources(number, part)
 
     def siblings() -> list[Sibling]:
-        others = [other for other in RUNS if other != part and part in (*RUNS, "event runs")]
+        others: list[Part] = [other for other in RUNS if other != part and part in (*RUNS, "event runs")]
         return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in others]
 
     return compiled(files, flags, siblings=siblings).library

@@ -12,16 +12,19 @@ from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism.event_runs import MotionRows
 from ncgen.mechanism.kernel_batch import thread_count
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.properties import is_definite
 from ncgen.methods.table import AUTO
 from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.events.many_runs import ManyRuns, refusal_in_c
 from ncgen.solver.events.passage import check_events
+from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.given import has_events
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.runs.choice import choose
 from ncgen.solver.runs.run import COMPILED, Run
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.energy import drift
+from ncgen.solver.trajectories.happening import Happening
 from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations
 from ncgen.studies.columns import StudiedMotion, columns_of
 from ncgen.studies.definition import Study
@@ -54,7 +57,7 @@ class EventfulVariants:
             self.run = study.run
             self.method = choose(self.run).method
             check_events(kernels, self.method, self.run)
-            if why := refusal_in_c(kernels, self.method):
+            if why := refusal_in_c(kernels):
                 return why
             of_parameters = any(column.over == "energy_drift" or column.is_output(study.model) for column in study.values)
             return "events change parameters" if of_parameters and Actions.of(kernels).changed(kernels) else None
@@ -86,7 +89,7 @@ class EventfulVariants:
         many = ManyRuns(kernels=kernels, run=self.run, method=self.method, motions=motions)
         many.carry_out(thread_count(threads, kernels.name), progress)
         given = dict(enumerate(starts))
-        return {given[k]: values for k in sorted(many.carried) if (values := self._kept(many, k))}
+        return {given[k]: values for k in sorted(many.carried) if (values := self._kept(motions, many.carried[k], k))}
 
     def _start(self, row: np.ndarray) -> Start | None:
         """Where a variant starts; None where that is impossible, or a warning has to be given."""
@@ -96,14 +99,15 @@ class EventfulVariants:
                 initial = Run.from_arguments(self.kernels, **self.study.options(row), points=self.study.grid).initial
                 start = begin(self.kernels, initial, partitioned=False)
                 check_mass(self.kernels, start.q, initial.t, start.p)
+                if not is_definite(self.kernels):
+                    least_energy(self.kernels, start.q, initial.t, start.p)  # which refuses motions without inertia by name
         except (NcgenError, ArithmeticError, np.linalg.LinAlgError):
             return None
         return None if caught else start
 
-    def _kept(self, many: ManyRuns, k: int) -> Values | None:
+    def _kept(self, motions: MotionRows, events: tuple[Happening, ...], k: int) -> Values | None:
         """What is kept of motion k; None where C does not know it."""
-        motions, events, kernels = many.motions, many.carried[k], self.kernels
-        rows, p = int(motions.rows[k]), motions.p[k]
+        kernels, rows, p = self.kernels, int(motions.rows[k]), motions.p[k]
         t, q, qd, work = motions.times[:rows], motions.out_q[k, :rows], motions.out_qd[k, :rows], motions.out_work[k, :rows]
         if rows < len(motions.times):
             if any(column.over == "energy_drift" for column in self.study.values) or events[-1].limit is not None:

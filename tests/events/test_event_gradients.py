@@ -317,3 +317,19 @@ def test_a_double_pendulum_with_a_stop_and_friction():
         assert mine == pytest.approx(slope, rel=1e-6, abs=1e-6)
     back = ncgen.gradient(kernels, 1.3, 13, lambda q, qd: (np.sum(q), np.ones_like(q), None), by=list(at), **given)
     assert [back.slopes[name] for name in at] == pytest.approx(np.sum(found.q_by, axis=(0, 1)), rel=1e-9)
+
+
+def test_feet_that_share_their_impulse():
+    """A carriage that can only rise falls on three feet: whatever each of them takes, it rises with e √(2 g h)."""
+    m = ncgen.Model("carriage")
+    h, e = m.parameter("h", 1.0), m.parameter("e", 0.5)
+    P = m.point("P", (0, 0), fixed="x")
+    m.body("carriage", [P], mass=2.0)
+    m.gravity((0, -G))
+    for name in ("left", "middle", "right"):
+        m.event(name, when=P.y + h, do=ncgen.impact(restitution=e, order="simultaneous"))
+    kernels = ncgen.compile(m)
+    found = ncgen.sensitivities(kernels, 0.6, 6, by=["h", "e"])
+    v, place = math.sqrt(2 * G), kernels.index["P.y"]
+    assert found.events[0].after_by[place] == pytest.approx([0.5 * v / 2, v], rel=1e-9)
+    assert found.events[0].t_by == pytest.approx([1 / v, 0.0], rel=1e-9, abs=1e-12)

@@ -68,6 +68,20 @@ def test_joints_that_stick():
     assert result["count(belt turns)"].tolist() == [0, 0, 0] and (result["count(belt)"] >= 2).all()
 
 
+def test_energies_of_joints_that_stick():
+    """Columns of the whole motion are those of single runs: work of friction takes the energy."""
+    m, s = sliding_block("rubbed")
+    m.torque(s, -s)
+    m.friction(s, coulomb=m.parameter("most", 1.0))
+    keep, options = ["energy_drift", "s", "max(s)"], {"duration": 10.0, "q0": {"s": 5.0, "A.x": 5.0}, "rtol": 1e-9}
+    result = ncgen.study(m, {"most": [0.5, 1.0]}, keep=keep, **options)
+    assert "events in C" in result.about["made_with"] and np.max(result["energy_drift"]) < 1e-8
+    for i, most in enumerate(result["most"]):
+        run = ncgen.simulate(ncgen.compile(m), points=101, p={"most": most}, **options)
+        assert result["s"][i] == pytest.approx(run["s"][-1], rel=1e-9)
+        assert result["energy_drift"][i] == pytest.approx(run.energy_drift, abs=1e-9)
+
+
 def test_a_folder_keeps_them(found, tmp_path):
     again = ncgen.study(ball(), DROPS, keep=KEEP, duration=0.8, output=tmp_path / "drops", workers=1)
     read = ncgen.read(tmp_path / "drops")

@@ -13,7 +13,6 @@ from oracles.planar_models import Drawn
 from sliding import sliding_block
 
 import ncgen
-from ncgen.methods.method import Method
 from ncgen.model.elements import Point
 from ncgen.solver.events.many_runs import CHUNK, refusal_in_c
 from ncgen.solver.trajectories.happening import Happening
@@ -113,12 +112,59 @@ def test_a_progress_that_ends_a_batch():
 
 def test_what_is_not_in_c_runs_alone():
     m, s = sliding_block("held")
-    m.friction(s, coulomb=1.0)
+    m.ratchet(s, direction="rising")
     kernels = ncgen.compile(m)
-    batch = ncgen.simulate(kernels, 2.0, zd0=np.array([[1.0], [0.5]]), z=("s",))
-    assert batch.ok.all() and batch.alone.all() and [each[-1].what for each in batch.events] == ["sticks", "sticks"]
-    assert "friction" in refusal_in_c(kernels, Method.of("lagrange", "dopri5"))
-    assert refusal_in_c(ncgen.compile(ball()), Method.of("lagrange", "dopri5")) is None
+    batch = ncgen.simulate(kernels, 0.5, zd0=np.array([[1.0], [0.5]]), z=("s",))
+    assert batch.ok.all() and batch.alone.all() and "ratchet" in refusal_in_c(kernels)
+    assert refusal_in_c(ncgen.compile(ball())) is None
+
+
+def belt() -> ncgen.Model:
+    """1 kg on a spring of 1 N/m and a belt, in the frame of the belt."""
+    m, u = sliding_block("belt")
+    m.torque(u, -(u + m.parameter("v", 3.0) * m.time))
+    m.friction(u, coulomb=3.0, static=5.0, name="belt")
+    return m
+
+
+def pushed() -> ncgen.Model:
+    """A block with friction that is pushed to stops, and back."""
+    m, s = sliding_block("pushed")
+    m.torque(s, 3 * m.time - 2.0)
+    m.friction(s, coulomb=m.parameter("v", 1.0))
+    m.stop(s, lower=-0.5, upper=1.0, restitution=0.4)
+    return m
+
+
+def hanging() -> ncgen.Model:
+    """Two bars with friction in both hinges, one of which sticks where the other moves."""
+    m = ncgen.Model("hanging")
+    O, P, Q = m.point("O", (0, 0), fixed=True), m.point("P", (1, 0)), m.point("Q", (2, 0))
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.body("upper", [O, P], mass=1.0, inertia="rod")
+    m.body("lower", [P, Q], mass=1.0, inertia="rod")
+    a, b, v = m.angle("a", x, P - O, z), m.angle("b", x, Q - P, z), m.parameter("v", 1.0)
+    m.gravity((0, -G))
+    m.friction(a, coulomb=v)
+    m.friction(b, coulomb=2 * v, other=a)
+    return m
+
+
+@pytest.mark.parametrize(
+    ("model", "seconds", "values", "close"),
+    [(belt, 12.0, (1.0, 2.0, 3.0), 1e-12), (pushed, 2.5, (0.5, 1.5, 2.5), 1e-12), (hanging, 3.0, (0.3, 1.0, 20.0), 1e-6)],
+    ids=["belt", "pushed", "hanging"],
+)
+def test_joints_that_stick_are_what_they_are_alone(model, seconds, values, close):
+    """What sticks moves by the matrix in C, alone by a recursion where there is one: then within the tolerance."""
+    kernels = ncgen.compile(model())
+    batch = ncgen.simulate(kernels, seconds, points=7, p={"v": np.array(values)}, rtol=1e-9)
+    assert batch.ok.all() and not batch.alone.any()
+    for i, v in enumerate(values):
+        run = ncgen.simulate(kernels, seconds, points=7, p={"v": v}, rtol=1e-9, integrator="dopri5", z=batch.independent)
+        assert told(batch.events[i]) == told(run.events) and any(each.what for each in run.events)
+        assert numbers(batch.events[i]) == pytest.approx(numbers(run.events), rel=close, abs=close)
+        assert batch.q[i] == pytest.approx(run.q, abs=close) and batch.work[i] == pytest.approx(run.work, abs=close)
 
 
 def test_a_failure_is_reported_as_alone():

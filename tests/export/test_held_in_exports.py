@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 import sympy
 from eventful import G, ball, fourbar, sliding_block
-from test_events_in_wasm import in_node, moved
+from exported import shell
+from living import click, nothing_said, settled, state_of
+from test_events_in_wasm import in_node, moved, shown
 from test_events_of_exports import run_in_c
 
 import ncgen
+from ncgen.exchange.export import export
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "events"))
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "examples"))
@@ -164,6 +167,24 @@ def turning_load() -> ncgen.Model:
     return guided(lambda t: 0.0, lambda t: 4 * sympy.cos(t), 10.0, 5.0)
 
 
+def redundant() -> ncgen.Model:
+    """A parallelogram with a third rod, which others imply: it falls onto a floor, with friction at a hinge."""
+    m = ncgen.Model("parallel")
+    A, B = ([m.point(f"{name}{k}", (k, y), fixed=name == "A") for k in range(3)] for name, y in (("A", 0), ("B", 1)))
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.body("coupler", [B[0], B[2]], mass=2.0, inertia="rod")
+    for axis in "xy":
+        first, middle, last = (getattr(B[k], axis) for k in range(3))
+        m.constrain(middle - (first + last) / 2, label=f"middle {axis}")
+    for k in range(3):
+        m.distance(A[k], B[k])
+    m.gravity((0, -G))
+    m.friction(m.angle("psi", x, B[0] - A[0], z), coulomb=3.0, static=4.0, name="hinge")
+    m.event("floor", when=B[0].y + 0.2, do=ncgen.impact(0.4))
+    m.simulation(duration=2.0, qd0={"psi": 1.0})
+    return m
+
+
 def at_rest() -> ncgen.Model:
     """A ball that comes to rest on the floor."""
     m = ball()
@@ -199,7 +220,7 @@ MODELS = {
     "belt": belt, "oscillator": oscillator, "clutch": clutch, "slipping clutch": slipping_clutch, "gripped": gripped,
     "ratchet": lambda: winch(2.0), "ratchet driven back": lambda: winch(-3.0), "brake": brake, "freewheel": freewheel, "hit ratchet": hit,
     "winch": hoist, "guide": guide, "load that changes its sign": turning_load, "locked solid": solid, "teeth": teeth,
-    "pressed at the start": pressed, "shaken": shaken,
+    "pressed at the start": pressed, "redundant": redundant, "shaken": shaken,
 }  # fmt: skip
 
 
@@ -274,3 +295,43 @@ def test_a_load_that_is_not_determined_ends_the_motion(tmp_path):
     assert said.startswith("the load that friction follows is not determined")
     *_, said = run_in_c(turned_screw(401.0, lambda t: 0.0, 1.0), tmp_path / "below", 0.01, 1e-11)
     assert said == "ok"
+
+
+PACKAGE = r"""
+import numpy, winch
+motion = winch.Motion()
+for _ in range(4):
+    motion.step(0.25)
+print(motion.t, *motion.q, motion.happened["pawl"])
+motion.p = winch.DEFAULTS  # what is held stays so
+motion.step(0.5)
+print(motion.t, *motion.q, motion.happened["pawl"])
+motion.advance(3.0, 1e-12, 1e-12)
+print(motion.t, *motion.q, motion.happened["pawl"])
+"""
+
+
+def test_a_python_package_keeps_what_is_held(tmp_path):
+    """Thrown up with 2 m/s against 4 t N, the weight is caught, also where all of p is written to, and lifted from g/4 s on."""
+    model = winch(2.0)
+    run, _ = own_run(model)
+    export(model, "python", tmp_path)
+    shell(f"{sys.executable} setup.py --quiet build_ext --inplace", tmp_path)
+    first, second, last = ([float(x) for x in line.split()] for line in shell(f"{sys.executable} -c '{PACKAGE}'", tmp_path).splitlines())
+    caught = run.events[0].q[0]
+    assert first[1] == pytest.approx(caught, abs=1e-6) and first[2] == 1 and second[1:] == first[1:]
+    assert last[1] - first[1] == pytest.approx(2 * (3.0 - G / 4) ** 3 / 3, rel=1e-8) and last[2] == 2
+
+
+@shown
+def test_the_page_of_a_winch(browser, page_of):
+    """It lists what happens, keeps its energy, and has sliders for inputs, not for what is held."""
+    browser.open(page_of(hoist()))
+    while state_of(browser)[0] < 2.2:
+        click(browser, "step")
+    settled(browser)
+    listed = browser.value("[...document.querySelectorAll('#happened li')].map((each) => each.textContent.split(' ')[2])")
+    assert listed == ["clutch", "motor.on", "ratchet", "clutch.free", "motor.off", "ratchet"]
+    sliders = browser.value("document.body.innerText")
+    assert "brake (N m)" in sliders and "clutch.on" not in sliders and "brake.slip" not in sliders
+    assert browser.value("living.drift()") < 1e-8 and nothing_said(browser)

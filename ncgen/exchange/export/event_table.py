@@ -89,7 +89,7 @@ class EventTable:
         return [*self._filled.rows, *rows]
 
     @cached_property
-    def _values(self) -> list[tuple[str, Scalar]]:
+    def values(self) -> list[tuple[str, Scalar]]:
         """(words, value) of what actions set, of what holds where a motion begins, and of where things are."""
         beginnings = [(name, as_sympy(value)) for name, value in self.kernels.model.beginnings.items()]
         places = [(f"{each.name}, place", each.position) for each in self.holdables if each.held]
@@ -131,7 +131,7 @@ class EventTable:
     @cached_property
     def programs(self) -> list[Program]:
         """Of conditions, their slopes and rates, and of what actions set."""
-        own = assemble_conditions(self.equations, self.conditions, self._values, [], []).values()
+        own = assemble_conditions(self.equations, self.conditions, self.values, [], []).values()
         return [*own, *(self.held.programs if self.held else ())]
 
     @property
@@ -183,7 +183,7 @@ class EventTable:
             "law": actions.law,
             "directions": [*actions.directions, *[-1] * (count - len(self.events))],
             "rows": self.rows,
-            "values": len(self._values),
+            "values": len(self.values),
             "degree": actions.degree,
             "nodes": nodes.tolist(),
             "inverse": np.ravel(inverse).tolist(),

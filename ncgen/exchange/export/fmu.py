@@ -14,6 +14,7 @@ import uuid
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -203,35 +204,12 @@ def _groups(package: Package) -> list[Group]:
 
 def _given(parameter: Parameter, default: float, changes: bool) -> Variable:
     """What the unit is given: a number for long, or at every instant; or what its events change."""
+    variable = partial(Variable, name=parameter.name, unit=parameter.unit, start=default)
     if changes:
-        return Variable(
-            name=parameter.name,
-            unit=parameter.unit,
-            description=f"{parameter.name}, which events change",
-            causality="local",
-            variability="discrete",
-            initial="exact",
-            start=default,
-        )
+        return variable(description=f"{parameter.name}, which events change", causality="local", variability="discrete", initial="exact")
     if isinstance(parameter, Input):
-        return Variable(
-            name=parameter.name,
-            unit=parameter.unit,
-            description=f"input {parameter.name}",
-            causality="input",
-            variability="continuous",
-            initial=None,
-            start=default,
-        )
-    return Variable(
-        name=parameter.name,
-        unit=parameter.unit,
-        description=f"parameter {parameter.name}",
-        causality="parameter",
-        variability="tunable",
-        initial="exact",
-        start=default,
-    )
+        return variable(description=f"input {parameter.name}", causality="input", variability="continuous", initial=None)
+    return variable(description=f"parameter {parameter.name}", causality="parameter", variability="tunable", initial="exact")
 
 
 def _is_condition(variable: Variable) -> bool:

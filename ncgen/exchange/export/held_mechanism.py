@@ -16,6 +16,7 @@ from ncgen.compiler import compile, generate
 from ncgen.emit.sources import Sources
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
+from ncgen.model.displacements import Displacement
 from ncgen.model.values import Scalar, evaluate, symbol_of
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_programs import HeldLoad, assemble_mode_conditions
@@ -84,7 +85,9 @@ def _holdables(model: Model) -> Iterator[Holdable]:
         yield _where_it_is(LOCK, lock.name, -1, lock.along, lock.held)
 
 
-def _where_it_is(kind: str, name: str, condition: int, along, held: str, slip: str = "", static: Scalar | None = None) -> Holdable:  # type: ignore[no-untyped-def]
+def _where_it_is(
+    kind: str, name: str, condition: int, along: Displacement, held: str, slip: str = "", static: Scalar | None = None
+) -> Holdable:
     return Holdable(
         kind=kind, name=name, condition=condition, row=along.position - symbol_of(held), switch=f"{name}.on", held=held,
         position=along.position, initial=along.initial, slip=slip, static=static,

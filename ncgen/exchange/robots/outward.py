@@ -75,17 +75,10 @@ class _Teller:
         parent = self.root if link.parent is None else self.names[link.parent]
         position = self.origins[number] - (0.0 if link.parent is None else self.origins[link.parent])
         kind, axis = self._kind(link)
-        if kind not in ("revolute", "prismatic"):
-            return Joint(
-                name=f"joint_{link.body.name}",
-                kind=kind,
-                parent=parent,
-                child=link.body.name,
-                placement=Placement(position=position),
-                axis=axis,
-            )
-        (rate,) = self.space.tree.rates[number]
-        coordinate, share = self.coordinates.get(rate, (None, 1.0))
+        coordinate, share = None, 1.0
+        if kind in ("revolute", "prismatic"):
+            (rate,) = self.space.tree.rates[number]
+            coordinate, share = self.coordinates.get(rate, (None, 1.0))
         axis = axis if share > 0 else -axis
         if coordinate is None:
             return Joint(

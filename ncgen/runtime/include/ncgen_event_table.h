@@ -89,9 +89,9 @@ typedef struct ncgen_events {
     ncgen_velocity_kernel *held_conditions; /* conditions, and behind them those of loads, which are positive as long as they hold */
 } ncgen_events;
 
-/* What a note says: an event happened, a gap is held from now on, or is no longer; and how that was found: by a condition that was watched, at
+/* What a note says: an event happened, a gap or joint is held from now on, or is no longer, a joint slips to the other side; and how that was found: by a condition that was watched, at
  * the start, since another event of the instant brought it about, or by a load. */
-enum { NCGEN_HAPPENS, NCGEN_RESTS, NCGEN_LEAVES };
+enum { NCGEN_HAPPENS, NCGEN_RESTS, NCGEN_LEAVES, NCGEN_TURNS };
 enum { NCGEN_WATCHED, NCGEN_AT_START, NCGEN_FOLLOWS, NCGEN_BY_LOAD };
 
 /* What happened, in the order of time. */

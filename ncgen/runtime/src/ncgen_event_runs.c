@@ -2,7 +2,7 @@
 #include "ncgen_event_runs.h"
 #include "ncgen_event_log.h"
 #include "ncgen_events.h"
-#include "ncgen_modes.h"
+#include "ncgen_held.h"
 #include "ncgen_vectors.h"
 
 size_t ncgen_events_workspace(int count, int most, int n, int values)
@@ -13,6 +13,11 @@ size_t ncgen_events_workspace(int count, int most, int n, int values)
 int ncgen_events_integers(int count)
 {
     return NCGEN_EVENTS_INTEGERS(count);
+}
+
+int ncgen_held_integers(int holds)
+{
+    return NCGEN_HELD_INTEGERS(holds);
 }
 
 /* What is needed to go back to the begin of a part, besides arrays. */
@@ -140,6 +145,16 @@ static int run(ncgen_event_runs *runs, const ncgen_entered *in, ncgen_statistics
     return NCGEN_OK;
 }
 
+/* Has the instant that was last changed what is held? */
+static int has_changed(const ncgen_event_runs *runs, int mode)
+{
+    const ncgen_events *events = runs->events;
+    int changed = *runs->passage.mode != mode;
+    for (int h = 0; h < events->n_holds; ++h)
+        changed |= runs->passage.flags[h] != (runs->own_p[events->holds[h].on] > 0);
+    return changed;
+}
+
 /* A part with the events at its end; where that fails all is as it was. */
 static int advance(ncgen_event_runs *runs)
 {
@@ -148,16 +163,21 @@ static int advance(ncgen_event_runs *runs)
     const ncgen_kept before = keep(runs);
     ncgen_statistics statistics;
     ncgen_entered in;
-    ncgen_enter(&runs->driven, runs->events, passage, &in);
+    int status = ncgen_enter_present(&runs->driven, runs->events, runs->own_p, &runs->moment, passage, &in);
     in.options.first_step = runs->moment.h;
-    int status = run(runs, &in, &statistics);
+    if (status == NCGEN_OK)
+        status = run(runs, &in, &statistics);
     if (status == NCGEN_OK && statistics.stopped) {
-        ncgen_mark_crossed(runs->events, in.watched.count, in.watched.crossed, passage);
-        status = ncgen_apply_events(&runs->driven, runs->events, runs->own_p, &runs->moment, passage);
+        if (runs->events->n_holds)
+            status = ncgen_mark_crossed_loads(runs->events, in.watched.count, in.watched.crossed, passage);
+        else
+            ncgen_mark_crossed(runs->events, in.watched.count, in.watched.crossed, passage);
+        if (status == NCGEN_OK)
+            status = ncgen_apply_events(&runs->driven, runs->events, runs->own_p, &runs->moment, passage);
     }
     if (status == NCGEN_OK && is_full(runs))
         status = NCGEN_LOG_FULL;
-    if (*passage->mode != mode)
+    if (status == NCGEN_OK && statistics.stopped && has_changed(runs, mode))
         runs->moment.h = 0;
     return status == NCGEN_OK ? status : go_back(runs, &before, status);
 }

@@ -34,9 +34,10 @@ typedef struct ncgen_event_runs {
 /* end cdef */
 /* begin functions */
 
-/* NCGEN_EVENTS_WORKSPACE and NCGEN_EVENTS_INTEGERS. */
+/* NCGEN_EVENTS_WORKSPACE, NCGEN_EVENTS_INTEGERS and NCGEN_HELD_INTEGERS. */
 size_t ncgen_events_workspace(int count, int most, int n, int values);
 int ncgen_events_integers(int count);
+int ncgen_held_integers(int holds);
 
 /* On to motion `count`, or to the first one that cannot go on; where that is NCGEN_AT_REST since no mode holds the gaps that passage.wanted
  * names, or NCGEN_LOG_FULL, the same call continues once there is one, or the log is empty. */

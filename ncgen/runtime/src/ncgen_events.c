@@ -384,8 +384,8 @@ static long events_so_far(const ncgen_events *events, const ncgen_passage *passa
     return sum;
 }
 
-/* The mechanism with what is held, and what is watched in it. */
-static int enter(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage, ncgen_entered *in)
+int ncgen_enter_present(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage,
+    ncgen_entered *in)
 {
     ncgen_instant i;
     if (!events->n_holds) {
@@ -410,7 +410,7 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         ncgen_entered in;
-        status = enter(d, events, p, moment, passage, &in);
+        status = ncgen_enter_present(d, events, p, moment, passage, &in);
         const ncgen_driven *mode = &in.driven;
         if (status != NCGEN_OK)
             break;

@@ -138,8 +138,7 @@ static int try_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncge
 
 static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 {
-    const ncgen_scalar end = r->times[r->n_times - 1];
-    const ncgen_scalar power = -1 / (ncgen_scalar)(method->order + 1);
+    const ncgen_scalar end = r->times[r->n_times - 1], power = -1 / (ncgen_scalar)(method->order + 1);
     ncgen_scalar t = r->times[0];
     ncgen_scalar h = r->options->first_step > 0 ? r->options->first_step : ncgen_first_step(r, w, method->order, t, end - t);
     int repeats = 0, rejected = 0, near = 0, stiff = 0, trouble = NCGEN_STEP_TOO_SHORT;
@@ -190,8 +189,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         if (status != NCGEN_OK || r->statistics->stopped)
             return status;
         t = t_new;
-        h = last && factor >= 1 && h * factor < wanted ? wanted : h * factor; /* what cut it short is behind */
-        r->statistics->next_step = h;
+        r->statistics->next_step = h = last && factor >= 1 && h * factor < wanted ? wanted : h * factor; /* what cut it short is behind */
         if (t < end && last && (status = begin_anew(r, w, t)) != NCGEN_OK)
             return status;
         if (t < end && ncgen_makes_no_progress(r, w, t))

@@ -213,13 +213,16 @@ static void describe(const ncgen_instant *i, const int *happened, const int *res
     }
 }
 
-/* How often joints have stuck, slipped or turned, and ratchets caught or released. */
-static void count(const ncgen_instant *i, const int *happened)
+/* How often joints have stuck, slipped or turned, and ratchets caught or released; qd (n): velocities before. */
+static void count(const ncgen_instant *i, const int *happened, const ncgen_real *qd)
 {
     const ncgen_events *e = i->events;
     for (int h = 0; h < e->n_holds; ++h) {
         const ncgen_hold *hold = e->holds + h;
-        const int changes = wanted_of(e, i->passage)[h] != held_before(e, i->passage)[h];
+        const int held = wanted_of(e, i->passage)[h], changes = held != held_before(e, i->passage)[h];
+        const int turns = hold->kind == NCGEN_HOLDS_JOINT && happened[hold->condition] && !held && !changes;
+        if (turns || (changes && !ncgen_is_lock(hold)))
+            ncgen_note(i->passage->log, i->n, i->moment, hold->condition, turns ? NCGEN_TURNS : held ? NCGEN_RESTS : NCGEN_LEAVES, qd, 0, 0);
         if (hold->kind == NCGEN_HOLDS_RATCHET || hold->kind == NCGEN_HOLDS_JOINT)
             i->passage->happened[hold->condition] += changes || (hold->kind == NCGEN_HOLDS_JOINT && happened[hold->condition]);
     }
@@ -243,7 +246,7 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
     status = ncgen_find_active(&c.active);
     if (status != NCGEN_OK)
         return status;
-    count(i, happened);
+    count(i, happened, i->passage->room + i->n);
     for (int h = 0; h < n; ++h)
         if (e->holds[h].kind == NCGEN_HOLDS_GAP && (released[h] || wanted[h]))
             i->passage->signs[e->holds[h].condition] = 1;

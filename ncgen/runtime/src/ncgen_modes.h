@@ -14,6 +14,10 @@ typedef struct ncgen_entered {
 
 void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_passage *passage, ncgen_entered *in);
 
+/* The same, or with holds the mechanism with what p says is held. */
+int ncgen_enter_present(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage,
+    ncgen_entered *in);
+
 /* What crossed at the end of a run in the present mode, `count` conditions: events that are due, and gaps that are released. */
 void ncgen_mark_crossed(const ncgen_events *events, int count, const int *crossed, ncgen_passage *passage);
 

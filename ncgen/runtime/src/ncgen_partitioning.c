@@ -1,19 +1,19 @@
 /* ncgen_partitioning.c: coordinate partitioning.
  *
- * The state is y = [zd, z, W, qp]: velocities and positions of the independent coordinates, the work of drivers and forces
- * without a potential, and the dependent coordinates. These are integrated along only to give Newton's method a place to
- * start, at every stage as near as the stage is accurate; what it finds takes their place.
+ * The state is y = [zd, z, W, qp]: velocities and positions of the independent coordinates, the work of drivers and forces without a
+ * potential, and the dependent coordinates. These are integrated along only to give Newton's method a place to start, at every stage
+ * as near as the stage is accurate; its result takes their place.
  * With rolling conditions there are fewer independent velocities than positions, and two choices of them.
  */
 #include "ncgen_lu.h"
 #include "ncgen_partitioning.h"
 
 /* An amplification that leaves no digit of the solution. */
-static const ncgen_scalar broken_down = R(1.0e30);
+static const ncgen_scalar max_amplification = R(1.0e30);
 
 enum { NEWTON_LIMIT = 40 };
 
-/* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
+/* After a Newton step from a residual below this, the next one is at rounding. */
 static const ncgen_scalar quadratic_limit = sizeof(ncgen_scalar) > 4 ? R(1.0e-7) : R(3.0e-4);
 
 /* Phi_q at (t, q), and the factors of the dependent columns of a choice over its kept rows. */
@@ -161,11 +161,9 @@ static int find_power(ncgen_run *r, ncgen_scalar t, const ncgen_real *qd, const 
     return NCGEN_OK;
 }
 
-/* qd, zdd, power and amplification at r->q for the speeds zd, with the model's kernels; the factors of Phi_q^d, R, M R and
- * the reduced mass matrix stay. */
+/* qd, zdd, power and amplification at r->q for the speeds zd, by the model's kernels; factors of Phi_q^d, R, M R and reduced mass stay. */
 int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
 {
-    const ncgen_model *model = r->model;
     ncgen_partitioning *w = r->partitioning;
     const ncgen_partition *d = &w->velocities->of;
     ncgen_real *qd = w->out, *zdd = w->out + r->n;
@@ -173,14 +171,13 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     if (status != NCGEN_OK)
         return status;
     form_basis(r, w->R);
-    for (int i = 0; i < model->n_rows; ++i)
+    for (int i = 0; i < r->m; ++i)
         w->nu[i] = 0;
-    if (model->nu)
-        status |= model->nu(t, r->q, r->p, w->nu);
+    if (r->model->nu)
+        status |= r->model->nu(t, r->q, r->p, w->nu);
     ncgen_partitioning_solve(r, w->nu, w->column);
     for (int i = 0; i < r->n; ++i) {
-        qd[i] = 0;
-        w->bias[i] = 0;
+        qd[i] = w->bias[i] = 0;
         for (int z = 0; z < r->nz; ++z)
             qd[i] += w->R[z * r->n + i] * zd[z];
     }
@@ -190,8 +187,8 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     ncgen_partitioning_solve(r, w->gamma, w->column);
     for (int i = 0; i < d->n_dependent; ++i)
         w->bias[d->dependent[i]] = w->column[i];
-    if (model->mass)
-        status |= model->mass(t, r->q, r->p, w->mass);
+    if (r->model->mass)
+        status |= r->model->mass(t, r->q, r->p, w->mass);
     if (status != NCGEN_OK)
         return NCGEN_DOMAIN;
     status = ncgen_forces(r, t, r->q, qd, w->force);
@@ -231,7 +228,7 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
         return known;
     if (is_emitted(r)) {
         const int status = r->dynamics->acceleration(t, r->q, zd, r->p, w->out);
-        if (!w->lu || (status == NCGEN_OK && w->out[r->n + r->nz + 1] < broken_down))
+        if (!w->lu || (status == NCGEN_OK && w->out[r->n + r->nz + 1] < max_amplification))
             return status;
     }
     r->statistics->fallbacks += r->dynamics->acceleration != NULL;
@@ -302,7 +299,7 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     status = accelerate(r, t, y);
     if (status != NCGEN_OK)
         return status;
-    if (!(w->out[r->n + r->nz + 1] < broken_down) || has_turned(w->velocities) || has_turned(w->positions))
+    if (!(w->out[r->n + r->nz + 1] < max_amplification) || has_turned(w->velocities) || has_turned(w->positions))
         return NCGEN_PIVOT;
     for (int i = 0; i < r->nz; ++i)
         yd[i] = w->out[r->n + i];

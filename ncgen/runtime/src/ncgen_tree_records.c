@@ -54,7 +54,7 @@ static void begin_screw(ncgen_tree_work *w, int k)
     const ncgen_tree *tree = w->tree;
     ncgen_tree_screw *own = w->screw + k;
     own->turns = tree->turns[k];
-    own->is_carried = tree->is_carried[k];
+    own->is_carried = tree->is_carried[k] ? 1 : 0;
     own->first_term = tree->term_start[k] + 1;
     own->end_term = tree->term_start[k + 1];
     own->leader = tree->leader[k];

@@ -45,11 +45,12 @@ typedef struct ncgen_tree_member {
 
 /* One of the motions of a joint. */
 typedef struct ncgen_tree_screw {
-    int turns, is_carried, c[3]; /* components of the first term of its axis */
+    int turns, c[3];             /* components of the first term of its axis */
     int first_term, end_term;    /* the others */
     int leader;                  /* the screw that it follows; -1: none */
     int coordinate;              /* the measured one that gives its rate; -1: elements do */
     ncgen_scalar weight;         /* of the first term */
+    ncgen_scalar is_carried;     /* 1: its axis turns with the parent; else 0 */
     ncgen_scalar ratio, slowness; /* its rate over that of its leader; over that of the coordinate */
     ncgen_real axis[3];
     ncgen_real momentum[6]; /* at rate 1 */

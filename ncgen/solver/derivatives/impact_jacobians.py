@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.mechanism.impacts_in_c import LAWS, Blow, impact
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.values import Scalar, is_number
+from ncgen.model.values import Value, is_number
 from ncgen.solver.derivatives.event_equations import along, impulses_to, no_derivative, reactions, solved
 from ncgen.solver.events.condition_jacobians import EventTangents
 from ncgen.solver.events.conditions import changes_of
@@ -103,7 +103,7 @@ class ImpactJacobians:
         contact = next((functions.contacts[number] for number, gap in functions.gaps.items() if gap == k), None)
         event = functions.events[k] if k < len(functions.events) else None
 
-        def changes(words: str, value: Scalar) -> np.ndarray:
+        def changes(words: str, value: Value) -> np.ndarray:
             return np.zeros(values.shape[1]) if is_number(value) else self.element(words, values)
 
         name = event.name if event else functions.ratchets[k].name
@@ -137,12 +137,12 @@ def _laws(
 
     former: those before it; before_by, after_by (r, N): how velocities before the impact change, and after it at held impulses
     """
-    G, more = rows.G, total - former.impulses
+    G, more, rubs = rows.G, total - former.impulses, any(each.blow.directions for each in rows.gaps)
     matrix, right, velocity = np.eye(len(G)), former.by.copy(), rows.u + G @ total
     for each in rows.gaps:
         blow, gap, across = each.blow, each.blow.gap, each.across
         least = blow.restitution * former.impulses[gap] if blow.is_poisson else 0.0
-        is_closed = more[gap] > least * (1 + RESTITUTION_ROUNDING)
+        is_closed = not rubs or more[gap] > least * (1 + RESTITUTION_ROUNDING)
         if is_closed:
             e, by_e = (0.0, 0.0 * each.restitution) if blow.is_poisson else (blow.restitution, each.restitution)
             matrix[gap], right[gap] = G[gap], -(after_by[gap] + e * before_by[gap] + by_e * rows.u[gap])

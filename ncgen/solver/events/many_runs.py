@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from importlib import import_module
 from threading import Lock
 from typing import Any
 
@@ -25,6 +26,7 @@ from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.method import Method
 from ncgen.methods.table import number_in_c
 from ncgen.model.actions import Change, Impact, Stop
+from ncgen.model.values import Scalar
 from ncgen.program.motions.event_programs import INPUTS, assemble_conditions
 from ncgen.solver.engines import acceleration_forms, capabilities, compiled
 from ncgen.solver.events.action_rows import Actions
@@ -35,7 +37,7 @@ from ncgen.solver.loads.constraint_loads import refusal_of_multipliers
 from ncgen.solver.parameter_checks import judged_parameters
 from ncgen.solver.runs.run import Run
 from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.solver.trajectories.happening import GAPS, Happening, Search
+from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening, Search
 
 CHUNK = 16
 """MotionRows of one call of C, between which a batch can be ended and says how far it has come."""
@@ -44,10 +46,11 @@ SEARCHES: tuple[Search, ...] = ("polynomial", "start", "action", "sampled")
 """How an event was found, by the numbers of C; the first one is what the condition allows."""
 
 
-def refusal_in_c(kernels: Kernels, method: Method) -> str | None:
+def refusal_in_c(kernels: Kernels) -> str | None:
     """Why motions with the events of a mechanism are not carried out in C as a whole, in words, or None."""
     model = kernels.model
-    if others := [*model.ratchets, *model.locks, *model.frictions, *model.contacts]:
+    loaded = [name for name, each in model.frictions.items() if each.load is not None]
+    if others := [*model.ratchets, *model.locks, *loaded, *model.contacts]:
         return f"{others[0]} is held in Python"
     if not all(isinstance(action, (Change, Impact, Stop)) for event in model.events.values() for action in event.do):
         return "an event does what no table can say"
@@ -55,11 +58,6 @@ def refusal_in_c(kernels: Kernels, method: Method) -> str | None:
         return "the mechanism calls Python functions, or has laws with breaks"
     if len(kernels.holonomic) < kernels.m or refusal_of_multipliers(kernels):
         return "there are rolling conditions, or more unknowns than are emitted"
-    dynamics = acceleration_forms.all_coordinates(
-        kernels, form=acceleration_forms.form_of(kernels, method), integrator=method.integrator.name
-    )
-    if dynamics.singular_mass and not dynamics.is_emitted:
-        return "a motion may have no inertia"
     if Actions.of(kernels).changed(kernels) & judged_parameters(kernels):
         return "events change parameters that have conditions"
     return None
@@ -79,11 +77,12 @@ class ManyRuns:
     carried: dict[int, tuple[Happening, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._exported = self._with_switches() if self.kernels.model.frictions else None
         kernels = self.kernels
         self.functions = EventFunctions(kernels)
         self._lock, self._ended, self._done = Lock(), False, 0
         self._searches = self.functions.searches
-        self._names = [event.name for event in self.functions.events]
+        self._names = [*kernels.model.events, *kernels.model.frictions]
         tolerances = Tolerances.of(self.run, kernels.length, capabilities.rounding("double")).in_c(
             kernels.column_sizes, kernels.column_sizes
         )
@@ -94,7 +93,7 @@ class ManyRuns:
             "tolerance": capabilities.closeness("double"), "max_step": 0.0 if np.isinf(step) else step,
             **compiled.settings_in_c(self.method.options), **tolerances,
         }  # fmt: skip
-        if kernels.model.beginnings:
+        if kernels.model.beginnings and not self._exported:
             for i, p in enumerate(self.motions.p):
                 for name, value in self.functions.beginnings(self._start(i)).items():
                     p[kernels.parameters.index(name)] = value
@@ -166,7 +165,7 @@ class ManyRuns:
 
     def _happening(self, note: Note) -> Happening:
         search = self._searches[note.event] if note.cause == 0 else SEARCHES[note.cause]
-        what = ("", *GAPS)[note.what]
+        what = ("", *(GAPS if note.event < len(self.functions.events) else JOINTS))[note.what]
         name = self._names[note.event]
         return Happening(
             t=note.t,
@@ -183,46 +182,78 @@ class ManyRuns:
 
     # -- what C is given ---------------------------------------------------------------------------------------------------------------
 
+    def _with_switches(self) -> Any:
+        """The table of what may be held in one mechanism with switches, which takes the place of the mechanism from here on."""
+        given, motions = self.kernels, self.motions
+        held = import_module("ncgen.exchange.export.held_mechanism")
+
+        def made() -> Kernels:
+            return import_module("ncgen.compiler").compile(held.with_switches(given.model), backend="c", effort=given.effort)
+
+        self.kernels = kernels = given.remember("with switches", (), made)
+        p = np.tile(kernels.p0, (len(motions.q), 1))
+        p[:, [kernels.parameters.index(name) for name in given.parameters]] = motions.p
+        self.motions = replace(motions, p=p)
+        table = import_module("ncgen.exchange.export.event_table").EventTable
+        return kernels.remember("events with switches", (), lambda: table(kernels, kernels.programs.equations))
+
     @property
     def _table(self) -> EventsInC:
-        functions, actions = self.functions, Actions.of(self.kernels)
+        functions, actions, exported = self.functions, Actions.of(self.kernels), self._exported
         address = {name: functions.address(name) for name in ("condition_slopes", "condition_rates")}
-        watched = functions.watched(np.zeros(functions.count), None, functions.directions, None)
-        rows = [(row.event, row.kind, row.place, row.value) for row in actions.rows]
+        rows, values = (exported.rows, exported.values) if exported else (actions.rows, actions.values)
+        count = functions.count
         return EventsInC(
-            directions=actions.directions,
-            actions=rows,
+            directions=[*actions.directions, *[-1] * (count - len(actions.directions))],
+            actions=[(row.event, row.kind, row.place, row.value) for row in rows],
             law=actions.law,
-            most=actions.most,
-            n_values=len(actions.values),
+            most=max(actions.most, count),
+            n_values=len(values),
             noise=actions.noise,
-            watched=watched,
+            watched=functions.watched(np.zeros(count), None, functions.directions, None),
             slopes=address["condition_slopes"],
             rates=address["condition_rates"],
-            values=self._values(actions),
+            values=self._values(values),
             holds=bool(functions.rows),
+            held=self._held(exported) if exported else None,
+            n_velocities=count - len(functions.events),
         )
 
-    def _values(self, actions: Actions) -> int:
-        """The address of the function of what actions set, 0 where they set nothing."""
-        if not actions.values:
+    def _values(self, values: list[tuple[str, Scalar]]) -> int:
+        """The address of the function of numbers that C asks for, 0 where there are none."""
+        if not values:
             return 0
         kernels = self.kernels
-        digest = hashlib.sha256(repr([(words, str(value)) for words, value in actions.values]).encode()).hexdigest()[:16]
+        digest = hashlib.sha256(repr([(words, str(value)) for words, value in values]).encode()).hexdigest()[:16]
+        made = self._compiled(
+            kernels, f"actions_{digest}", "element_values", len(values),
+            lambda: assemble_conditions(kernels.programs.equations, [], [], values, []),
+        )  # fmt: skip
+        return made.address("element_values")
 
-        def made() -> CompiledFunctions:
-            functions = functions_of(
-                kernels,
-                f"actions_{digest}",
-                {"element_values": INPUTS["element_values"]},
-                {"element_values": len(actions.values)},
-                {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)},
-                lambda: assemble_conditions(kernels.programs.equations, [], [], actions.values, []),
-            )
-            assert isinstance(functions, CompiledFunctions), "events need compiled kernels"
-            return functions
+    def _held(self, exported: Any) -> tuple[list[tuple[str, int, int, int, int, int, int]], HeldGaps, int]:
+        """What may be held, the mechanism for it, and how many conditions its loads have."""
+        rows = [(row.kind, row.condition, row.on, row.held, row.value, row.slip, row.load) for row in exported.hold_rows]
+        mechanism, loads = exported.held, len(exported.loads)
+        kernels = self.kernels.remember(
+            "held with switches", (), lambda: import_module("ncgen.compiler").compile(mechanism.sources, backend="c")
+        )
+        made = self._compiled(
+            kernels, "held_conditions", "conditions", 2 * (self.functions.count + loads),
+            lambda: {"conditions": replace(mechanism.programs[0], name="conditions")},
+        )  # fmt: skip
+        dynamics = acceleration_forms.all_coordinates(kernels, form="dense", integrator=self.method.integrator.name)
+        return rows, HeldGaps((), dynamics, -1, made.address("conditions")), loads
 
-        return kernels.remember("values of actions", digest, made).address("element_values")
+    @staticmethod
+    def _compiled(kernels: Kernels, kind: str, name: str, size: int, make: Callable[[], Any]) -> CompiledFunctions:
+        """A function of a state, made once for a mechanism."""
+        counts = {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)}
+        made = kernels.remember(
+            "functions of many runs", (kind, size), lambda: functions_of(kernels, kind, {name: INPUTS[name]}, {name: size}, counts, make)
+        )
+        assert isinstance(made, CompiledFunctions), "events need compiled kernels"
+        return made
 
     def _start(self, i: int) -> State:
         motions = self.motions

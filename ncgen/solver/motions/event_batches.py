@@ -50,7 +50,7 @@ def through_events(
         max_step=run.max_step, engine=COMPILED,
     )  # fmt: skip
     chosen = choose(single).method
-    if refusal_in_c(kernels, chosen):
+    if refusal_in_c(kernels):
         return done, {}
     q, qd = np.empty(states.q.shape), np.empty(states.q.shape)
     states.choice.lanes.accelerate(
