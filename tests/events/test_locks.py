@@ -297,3 +297,14 @@ def test_a_four_bar_whose_crank_is_locked():
     run = ncgen.simulate(ncgen.compile(m), 0.3, zd0={"psi": -3.0})
     (locks,) = run.events
     assert locks.what == "locks" and run["psi"][-1] == pytest.approx(-0.6, rel=1e-12) and np.max(np.abs(run.qd[-1])) < 1e-13
+
+
+@pytest.mark.parametrize("start", [-0.5, -0.03, 0.0, 0.07])
+def test_teeth_begin_where_the_ratchet_does(start):
+    """From anywhere: at 1 m/s against 1 m/s² it goes 0.5 m up, falls to the tooth before its highest place, and is held there."""
+    m, s = sliding_block("teeth")
+    m.torque(s, -1.0)
+    m.ratchet(s, direction="rising", pitch=0.3)
+    run = ncgen.simulate(ncgen.compile(m), 3.0, q0={"s": start, "A.x": start}, qd0={"s": 1.0}, rtol=1e-10)
+    hit = next(each for each in run.events if each.name == "s.ratchet")
+    assert hit.t == pytest.approx(1 + math.sqrt(2 * 0.2), rel=1e-10) and run["s"][-1] == pytest.approx(start + 0.3, abs=1e-10)

@@ -133,7 +133,8 @@ class EventLoop:
 
         Raises ModelError for a gap that an impact is to close and that is open by less than nothing.
         """
-        functions, at = self.functions, self.at
+        functions, given = self.functions, self.at
+        self.at = at = self.active_constraints.begin(given)
         rates, _ = functions.rates(at, self._accelerations())
         gaps = np.array([event.impact is not None for event in functions.events], dtype=bool)
         keeps = np.array([gap and self.active_constraints.is_still(k, at) for k, gap in enumerate(gaps)], dtype=bool)
@@ -144,8 +145,7 @@ class EventLoop:
                 "begin where it is not below 0, or make it another event"
             )
         due: dict[int, Search] = dict.fromkeys(np.flatnonzero(chain.due).tolist(), "start")
-        self.at = self.active_constraints.begin(at)
-        self._note_parameters(at)
+        self._note_parameters(given)
         self.passage.begun = self.at
         return self._act(due, True) if due or functions.can_hold else False
 
