@@ -89,3 +89,9 @@ def test_a_smooth_load_takes_three_values_more_than_nodes():
     run = ncgen.simulate(kernels, 3.0, points=2, inputs={"F": lambda t: asked.append(t) or math.exp(-t)})
     assert [each.what for each in run.events] == ["sticks"]
     assert len(set(asked)) <= (12 + 8 + 3) * run.statistics.steps + 520
+
+
+def test_a_push_that_jumps_below_the_limit_moves_nothing():
+    """No polynomial follows ± 2.9 N; at the narrowest part of a step values count, of which none is beyond 2.943 N."""
+    run = ncgen.simulate(ncgen.compile(block()), 3.0, points=2, inputs={"F": lambda t: math.copysign(2.9, math.sin(7 * t))})
+    assert [each.what for each in run.events] == ["sticks"] and run["s"][-1] == 1.0

@@ -224,6 +224,16 @@ static int find_by_formula(ncgen_run *r, ncgen_stepping *w, const part *p, int k
     return status;
 }
 
+/* Does condition k change its sign from node to node? */
+static int find_at_nodes(const ncgen_event *event, int k, ncgen_walk *walk, int *found)
+{
+    *found = 0;
+    for (int node = 0; node <= event->degree && !*found; ++node)
+        *found = ncgen_walk_to(walk, event->nodes[node], sample(event, node)[2 * k]);
+    *found = *found || ncgen_walk_end(walk, sample(event, event->degree)[2 * k]);
+    return NCGEN_OK;
+}
+
 /* Does condition k happen within the part? Then between the shares *low and *high of it. */
 static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *found, ncgen_scalar *low, ncgen_scalar *high)
 {
@@ -231,10 +241,12 @@ static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *foun
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
     const ncgen_formulas *formulas = event->formulas;
     const ncgen_scalar size = size_of(event, k);
-    if (r->constrained && formulas && formulas->first[k] < formulas->first[k + 1]) {
+    const int has_formula = formulas && formulas->first[k] < formulas->first[k + 1];
+    const int jumps = is_sampled(event, k) && !((p->to - p->from) * FINEST > 1); /* no polynomial is right there */
+    if (r->constrained && (has_formula || jumps)) {
         const ncgen_real first = sample(event, 0)[2 * k];
         ncgen_walk walk = {event->directions[k], event->signs[k] ? event->signs[k] : (first > 0) - (first < 0), 0, 0, 0};
-        const int status = find_by_formula(r, w, p, k, size, &walk, found);
+        const int status = jumps ? find_at_nodes(event, k, &walk, found) : find_by_formula(r, w, p, k, size, &walk, found);
         event->signs[k] = walk.sign;
         *low = walk.at;
         *high = walk.next;
