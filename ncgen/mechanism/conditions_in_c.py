@@ -78,7 +78,13 @@ class Watched:
         if conditions.sampled is not None:
             self._sampled = np.array(conditions.sampled, dtype=np.intc)
             members["sampled"] = pointer(ffi, self._sampled, "int[]")
-        members |= {"count": count, "degree": conditions.degree, "crossed": pointer(ffi, self._crossed, "int[]"), "function": function}
+        members |= {
+            "resumes": 1,
+            "count": count,
+            "degree": conditions.degree,
+            "crossed": pointer(ffi, self._crossed, "int[]"),
+            "function": function,
+        }
         self.struct: InC = ffi.new("ncgen_event *", members)
 
     @property

@@ -42,7 +42,7 @@ class ReactiveForce:
         return np.array([tangents("friction_tangent", t, q, qd, p, seed) for seed in np.eye(2 * len(q) + len(p))]).T
 
     @staticmethod
-    def only(callbacks: Sequence[Callable[..., np.ndarray]]) -> ReactiveForce | None:
+    def only(callbacks: Sequence[Callable[..., object]]) -> ReactiveForce | None:
         """The only one of a model's callbacks; None where there is none, or others."""
         return callbacks[0] if len(callbacks) == 1 and isinstance(callbacks[0], ReactiveForce) else None
 

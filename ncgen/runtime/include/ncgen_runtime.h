@@ -193,6 +193,7 @@ typedef struct ncgen_event {
     const int *directions;        /* 1: rising, -1: falling, 0: both, 2: not asked for */
     const int *sampled;           /* NULL, or of each: 1 where it is sampled, as densely as it takes */
     int n_loads;                  /* so many, the last ones, are loads, which are sampled, too */
+    int resumes;                  /* 1 where the run begins at an instant whose events have just been carried out */
     int *signs;                   /* -1 or 1: the side on which each is to begin, whatever rounding makes of its value; 0: that of the value */
     ncgen_velocity_kernel *function; /* NULL, or of each its value, and the size of the terms that it is a sum of */
     int degree;                   /* 14 at most */

@@ -286,14 +286,36 @@ static int locate(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_r
     return NCGEN_OK;
 }
 
+/* Has condition k come to zero or beyond already at the share *low, as where a step begins at the very instant of an event? Where it only
+ * leaves from there, as a gap that opens, *low and *at_low become those of a place where it is on its side. A load may be at its limit,
+ * and where a run resumes its events have just been carried out: rounding must not bring them about again and again. */
+static int is_there(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar high, ncgen_scalar *low, ncgen_real *at_low, int *there)
+{
+    const ncgen_event *event = r->options->event;
+    const int way = event->directions[k];
+    const int is_start = event->resumes && !(*low > 0) && !(p->from > 0) && !(p->t > r->times[0]);
+    *there = way == 0 && !(NCGEN_ABS(*at_low) > 0) && !is_start;
+    if (way == 0 || *at_low * way < 0 || is_start || is_sampled(event, k))
+        return NCGEN_OK;
+    ncgen_real *values = sample(event, event->degree + 1);
+    const ncgen_scalar next = *low + (high - *low) * R(0.0009765625);
+    const int status = evaluate_inside(r, w, p, next, values);
+    *there = !(values[2 * k] * way < 0);
+    if (!*there) {
+        *low = next;
+        *at_low = values[2 * k];
+    }
+    return status;
+}
+
 /* The same between two shares; the state on the constraints may turn a little off the interpolant, and then it is the second one, or the
- * first one where the condition has come to zero or beyond already, as where a step begins at the very instant of an event. */
+ * first one where the condition is there. */
 static int locate_between(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar low, ncgen_scalar *s)
 {
     const ncgen_event *event = r->options->event;
     ncgen_real *values = sample(event, event->degree + 1);
     ncgen_real at_low = sample(event, 0)[2 * k], at_high = sample(event, event->degree)[2 * k];
-    int status = NCGEN_OK;
+    int status = NCGEN_OK, there = 0;
     if (low > 0) {
         status = evaluate_inside(r, w, p, low, values);
         at_low = values[2 * k];
@@ -302,8 +324,9 @@ static int locate_between(ncgen_run *r, ncgen_stepping *w, const part *p, int k,
         status = evaluate_inside(r, w, p, *s, values);
         at_high = values[2 * k];
     }
-    const int way = event->directions[k], is_there = !(NCGEN_ABS(at_low) > 0) || (at_low * way > 0 && at_high * way > 0);
-    if (status == NCGEN_OK && is_there)
+    if (status == NCGEN_OK)
+        status = is_there(r, w, p, k, *s, &low, &at_low, &there);
+    if (status == NCGEN_OK && there)
         *s = low;
     else if (status == NCGEN_OK && ((at_low < 0 && at_high > 0) || (at_low > 0 && at_high < 0)))
         status = locate(r, w, p, k, at_low, at_high, low, s);

@@ -17,7 +17,7 @@ from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.mobility import is_blocked
+from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.modes import LoadConditions, forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, is_prevented, undetermined
 from ncgen.solver.events.state import State
@@ -248,10 +248,22 @@ class HeldChoice:
         for k in released - set(self._directions):
             if owner.rows[k].sticks and self._mode and self._tried:
                 self._directions[k] = owner.onwards(self._mode[0], self._tried, k, self.at)
-        for k in wanted:
-            if self._tried is None and k in functions.moving and k not in self._held:
-                p[owner.place(functions.moving[k].held)] = functions.place(functions.moving[k], self.at)
+        new = [k for k in wanted if self._tried is None and k in functions.moving and k not in self._held]
+        if new:
+            there = self._closed(wanted)
+            for k in new:
+                p[owner.place(functions.moving[k].held)] = functions.place(functions.moving[k], there)
         self.at = replace(self.at, p=p)
+
+    def _closed(self, wanted: tuple[int, ...]) -> State:
+        """The state with the gaps that are wanted closed to rounding: else a joint would be held where a gap cannot be closed."""
+        functions, at = self.owner.functions, self.at
+        gaps = [k for k in wanted if k < len(functions.events)]
+        if not gaps:
+            return at
+        slopes, values = functions.slopes(at)[0][gaps], functions.values(at)[0][gaps]
+        change = response(self.owner.kernels, at, slopes)
+        return replace(at, q=at.q + change @ np.linalg.lstsq(slopes @ change, -values, rcond=None)[0])
 
     def _slipping(self, wanted: tuple[int, ...]) -> np.ndarray:
         """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""

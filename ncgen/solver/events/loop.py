@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.chain_in_c import is_at_rest, is_zero, time_of_bounces
 from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
@@ -37,6 +37,10 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
     return loop.run(path, task, ends)
 
 
+MOST_REPEATED = 100
+"""Instants one after the other that the time may have not to move between."""
+
+
 class EventLoop:
     """The state of a run between two events: at, work (J), signs (C,): sides on which conditions begin; what is held, and the kernels of
     that mode; first_step (s): what C tries first, 0 for its own choice."""
@@ -62,8 +66,9 @@ class EventLoop:
         end = float(task.grid[-1])
         if ends:
             return self._finish()
+        repeated = 0
         while True:
-            part = Path.empty(self.kernels.n, None)
+            part, before = Path.empty(self.kernels.n, None), self.at.t
             reason = self._part(part)
             if reason or part.stopped is None:
                 return reason
@@ -72,6 +77,17 @@ class EventLoop:
                 return self._finish()
             if not self.at.t < end:
                 return self._rows_at_end()
+            repeated = repeated + 1 if self.at.t == before else 0
+            if repeated > MOST_REPEATED:
+                raise self._endless(part.crossed)
+
+    def _endless(self, crossed: tuple[int, ...]) -> ConvergenceError:
+        """Events that happen at one instant again and again."""
+        names = sorted({self.functions.events[k].name for k in crossed if k < len(self.functions.events)}) or ["of held constraints"]
+        return ConvergenceError(
+            f"{self.kernels.name}: events {', '.join(names)} happen again and again at t = {self.at.t:.6g} s; "
+            "change their conditions, or start at another position"
+        )
 
     # -- parts ---------------------------------------------------------------------------------
 
