@@ -263,7 +263,7 @@ class HeldChoice:
             return at
         slopes, values = functions.slopes(at)[0][gaps], functions.values(at)[0][gaps]
         change = response(self.owner.kernels, at, slopes)
-        return replace(at, q=at.q + change @ np.linalg.lstsq(slopes @ change, -values, rcond=None)[0])
+        return replace(at, q=at.q + change @ np.linalg.pinv(slopes @ change, rcond=1e-12) @ -values)
 
     def _slipping(self, wanted: tuple[int, ...]) -> np.ndarray:
         """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
