@@ -60,7 +60,7 @@ def break_times(
 ) -> np.ndarray:
     """Find the breaks of a run, shape (B, 2) in s, ascending: where a step has to end, and where the next but one begins.
 
-    p (n_p,): the parameters; told: what drives the inputs, whose tables have breaks at their knots
+    p (n_p,): the parameters; signals: what drives the inputs, whose tables have breaks at their knots
     rounding: the relative rounding of the numbers that the run computes with
     Both times of a row are the same where the value is continuous or C knows on which side of its knot a step lies. Else a step goes from
     one to the other, `UNCERTAINTY` before and after the jump. A row may begin at the start or end at the end.

@@ -187,3 +187,16 @@ def test_friction_of_zero_changes_nothing(speed):
     m.friction(m.length("x", O, P), 0.0)
     run = ncgen.simulate(ncgen.compile(m), 0.1, qd0={"P.x": speed})
     assert run["P.x"][-1] == pytest.approx(0.5 + 0.1 * speed, abs=1e-12)
+
+
+@pytest.mark.parametrize("coulomb", [0.25, 0.5, 1.0])
+def test_friction_and_a_stop_hold_one_coordinate(coulomb):
+    """A push that turns brings the block to its upper stop, where it bounces until both hold it: it is at the stop, and stays there."""
+    m, s = sliding_block("pushed")
+    m.torque(s, 3 * m.time - 2.0)
+    m.friction(s, coulomb=coulomb)
+    m.stop(s, lower=-0.5, upper=1.0, restitution=0.4)
+    run = ncgen.simulate(ncgen.compile(m), 3.0, rtol=1e-10)
+    assert run["s"][-1] == pytest.approx(1.0, abs=1e-12) and run["rate(s)"][-1] == pytest.approx(0.0, abs=1e-12)
+    rests = [each for each in run.events if each.what == "rests"][-1]
+    assert rests.name == "s.stop.upper" and run.events[-1].t == rests.t

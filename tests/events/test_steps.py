@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from bouncing import G, ball
 from sliding import sliding_block
+from sympy import Piecewise
 
 import ncgen
 from ncgen.solver.events.loop import EventLoop
@@ -227,3 +228,28 @@ def test_an_input_that_a_condition_reads_brings_about_its_event():
     sims = ncgen.start(ncgen.compile(m), 2).step(0.1)
     sims.step(0.1, level=[0.0, 1.0])
     assert sims.stopped.tolist() == [False, True] and sims.events[1][-1].name == "asked" and sims.t == pytest.approx([0.2, 0.1])
+
+
+@pytest.mark.parametrize("h", [0.01, 0.05, 0.1, 0.15, 0.3])
+def test_an_event_at_the_end_of_a_step_where_a_law_changes(h):
+    """Two discs, J 2 and 3: a torque doubles where the clutch closes; 2 · 10.15 is shared then, and 2 N m turn both for the rest."""
+    m = ncgen.Model("drive")
+    O, x, z = m.point("O", (0, 0), fixed=True), m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    angles = []
+    for name, inertia in (("motor", 2.0), ("wheel", 3.0)):
+        P = m.point(f"{name}.P", (1, 0))
+        m.body(name, [O, P], mass=1.0, com=(0, 0), inertia=inertia)
+        angles.append(m.angle(f"{name}.angle", x, P - O, z))
+    m.torque(angles[0], Piecewise((1.0, m.time < 0.3), (2.0, True)))
+    m.clutch(*angles, when=0.3 - m.time, name="clutch")
+    sim = ncgen.start(ncgen.compile(m), qd0={"motor.angle": 10.0, "wheel.angle": 0.0}, rtol=1e-10)
+    for _ in range(round(0.3 / h)):
+        sim.step(h)
+    assert [each.t for each in sim.events] in ([], [pytest.approx(0.3, rel=1e-12)])  # the sum of steps may be below 0.3 by rounding
+    if sim.events:
+        assert sim["rate(wheel.angle)"] == pytest.approx(2 * 10.15 / 5, rel=1e-10)
+    for _ in range(round(0.3 / h)):
+        sim.step(h)
+    (closes,) = sim.events
+    assert closes.energy_lost == pytest.approx(6 / 5 * 10.15**2 / 2, rel=1e-9)
+    assert sim["rate(wheel.angle)"] == pytest.approx((2 * 10.15 + 0.6) / 5, rel=1e-9)

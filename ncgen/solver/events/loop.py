@@ -75,7 +75,9 @@ class EventLoop:
             stops = self._is_stop(part.crossed)
             if self._act(self._due(part.crossed), crossed=part.crossed) or stops:
                 return self._finish()
-            if not self.at.t < end:
+            if is_complete := len(path.q) == len(task.grid):  # C moved the last row to where a law changes: to this instant
+                path.take_last()
+            if is_complete or not self.at.t < end:
                 return self._rows_at_end()
             repeated = repeated + 1 if self.at.t == before else 0
             if repeated > MOST_REPEATED:
