@@ -26,8 +26,9 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import ncgen
-from examples.contacts import sphere, turning
-from examples.impacts import ball
+from ncgen.exchange.examples import example_module
+
+contacts, impacts, winch = (example_module(".", f"{name}.py") for name in ("contacts", "impacts", "winch"))
 
 Found: TypeAlias = "tuple[int, float, float]"
 """Steps or evaluations, the position that is compared (m), and seconds."""
@@ -59,23 +60,11 @@ def timed(run: Callable[[], Any]) -> tuple[Any, float]:
 # -- ncgen ---------------------------------------------------------------------------------------------------------------------------------
 
 
-def oscillator() -> ncgen.Model:
-    """The first scene."""
-    m = ncgen.Model("oscillator")
-    axis = m.vector("axis", (1, 0, 0), fixed=True)
-    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (12, 0), fixed="y")
-    s = m.slide("s", O, A, axis)
-    m.body("block", [A], mass=1.0)
-    m.torque(s, -s)
-    m.friction(s, coulomb=1.0)
-    return m
-
-
 def slider() -> ncgen.Model:
-    """The third scene, in space."""
+    """The last scene, in space."""
     m = ncgen.Model("slider")
     n, O = m.vector("n", (0, 0, 1), fixed=True), m.point("O", (0, 0, 0), fixed=True)
-    body, C = sphere(m, (0.0, 0.0, 0.1))
+    body, C = contacts.sphere(m, (0.0, 0.0, 0.1))
     m.gravity((0, 0, -G))
     m.contact("floor", body, C, m.ground, O, radius=0.1, normal=n, friction=MU)
     return m
@@ -83,10 +72,11 @@ def slider() -> ncgen.Model:
 
 def in_ncgen() -> Iterator[tuple[str, str, Callable[[], Found]]]:
     """(scene, setting, run) of ncgen."""
+    friction, speed = winch.oscillator()
     scenes = {
-        "friction": (oscillator(), "s", {"s": 6.0}),
-        "ball": (ball(), "P.y", None),
-        "rolling": (slider(), "C.x", turning((SPEED, 0.0, 0.0), (0.0, 0.0, 0.0))),
+        "friction": (friction, "s", speed),
+        "ball": (impacts.ball(), "P.y", None),
+        "rolling": (slider(), "C.x", contacts.turning((SPEED, 0.0, 0.0), (0.0, 0.0, 0.0))),
     }
     for scene, (model, name, start) in scenes.items():
         kernels = ncgen.compile(model)
@@ -111,7 +101,7 @@ def in_mujoco() -> Iterator[tuple[str, str, Callable[[], Found]]]:
     zeta = -math.log(0.5) / math.hypot(math.pi, math.log(0.5))  # the damping ratio at which half of the velocity is kept
     bouncing = f'solref="-1e6 {-2 * zeta * 1e3}" solimp="0.9999 0.9999 0.001"'
     floor = '<geom type="plane" size="99 99 1" condim="{}" friction="{} 0 0" {}/>'
-    falling = '<body pos="0 0 1.1"><joint type="slide" axis="0 0 1"/><geom type="sphere" size="0.1" mass="1" condim="1"/></body>'
+    falling = '<body pos="0 0 1.1"><joint type="slide" axis="0 0 1" ref="1"/><geom type="sphere" size="0.1" mass="1" condim="1"/></body>'
     free = '<body pos="0 0 0.1"><freejoint/><geom type="sphere" size="0.1" mass="1" condim="3" friction="0.2 0 0"/></body>'
 
     def run(scene: str, world: str, gravity: float, start: tuple[float, float] | None, step: float) -> Found:
@@ -131,17 +121,7 @@ def in_mujoco() -> Iterator[tuple[str, str, Callable[[], Found]]]:
         yield "rolling", f"step {step:g} s", partial(run, "rolling", floor.format(3, MU, "") + free, G, (0.0, SPEED), step)
     for step in (1e-4, 1e-5):
         world = floor.format(1, 0, bouncing) + falling.replace('condim="1"', f'condim="1" {bouncing}')
-        yield "ball", f"damped contact, step {step:g} s", partial(_above(run), "ball", world, G, None, step)
-
-
-def _above(run: Callable[..., Found]) -> Callable[..., Found]:
-    """The same for a coordinate that begins at 0 where the height is 1 m."""
-
-    def shifted(*arguments: Any) -> Found:
-        steps, place, seconds = run(*arguments)
-        return steps, 1.0 + place, seconds
-
-    return shifted
+        yield "ball", f"damped contact, step {step:g} s", partial(run, "ball", world, G, None, step)
 
 
 def in_exudyn() -> Iterator[tuple[str, str, Callable[[], Found]]]:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import ncgen
+from ncgen.exchange.examples import example_module
 
 COUNT = 64
 PAIRS = 5
@@ -48,12 +49,7 @@ def four_bar(eventful: bool) -> ncgen.Model:
 
 
 def oscillator(eventful: bool) -> ncgen.Model:
-    m = ncgen.Model("oscillator")
-    axis = m.vector("axis", (1, 0, 0), fixed=True)
-    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (12, 0), fixed="y")
-    s = m.slide("s", O, A, axis)
-    m.body("block", [A], mass=1.0)
-    m.torque(s, -s)
+    m, s = example_module(".", "winch.py").mass_on_x("oscillator", 12.0)
     if eventful:
         m.friction(s, coulomb=1.0)
     return m

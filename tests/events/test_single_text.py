@@ -28,7 +28,6 @@ def texts() -> dict[str, str]:
     """{file: text without comments} of Python for events, and of C."""
     root = folder("runtime").parent
     files = [*(root / "solver" / "events").glob("*.py"), *(root / "mechanism").glob("*.py")]
-    files += [root / "exchange" / "export" / "event_table.py"]
     files += [*(root / "runtime" / "src").glob("*.[ch]"), *(root / "runtime" / "include").glob("*.h")]
     return {path.name: path.read_text(encoding="utf-8") for path in files}
 

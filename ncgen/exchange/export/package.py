@@ -21,13 +21,12 @@ from ncgen.emit.naming import labels, prefix_of
 from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
-from ncgen.exchange.export.event_table import EventTable, refusal_of_events
-from ncgen.exchange.export.held_mechanism import HeldMechanism, refusal_of_loads, refusal_of_shared, with_switches
 from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_sources import motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.model import Model
+from ncgen.model.actions import Change, Impact, Locking, Stop
 from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.program.ir.cost import cost
@@ -35,6 +34,8 @@ from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
 from ncgen.program.motions.output_programs import assemble_outputs
 from ncgen.solver.engines.acceleration_forms import own_positions
+from ncgen.solver.events.event_table import EventTable
+from ncgen.solver.events.held_mechanism import HeldMechanism, refusal_of_loads, refusal_of_shared, with_switches
 from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.name_lists import listed_names
@@ -331,10 +332,22 @@ def _refusal(model: Model, events: bool) -> str | None:
     if has_events(model) and not events:
         names = shortened(", ".join(names_of_events(model)))
         return f"this export does not support events yet ({names}); take c, fmu2, fmu3, html, python or wasm"
-    if reason := refusal_of_events(model):
+    if reason := _refusal_of_events(model):
         return reason
     if model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"
+    return None
+
+
+def _refusal_of_events(model: Model) -> str | None:
+    """Why the events of a model cannot be exported, in words, or None."""
+    if model.contacts:
+        return f"friction of contacts is not exported yet ({listed_names(list(model.contacts))}); leave it out, or use ncgen.simulate"
+    if called := [event.name for event in model.events.values() if event.is_called]:
+        return f"event {called[0]} calls a Python function; write what it does as expressions"
+    known = (Change, Impact, Locking, Stop)
+    if unknown := [event.name for event in model.events.values() if not all(isinstance(action, known) for action in event.do)]:
+        return f"what event {unknown[0]} does is not exported yet; use ncgen.simulate"
     return None
 
 

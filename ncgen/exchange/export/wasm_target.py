@@ -9,10 +9,10 @@ from typing import Any
 from ncgen.emit.environment import render
 from ncgen.emit.wasm.binary import LINK
 from ncgen.emit.wasm.linked import Linked, linked_module
-from ncgen.exchange.export.held_mechanism import GAP, JOINT, LOCK, RATCHET
 from ncgen.exchange.export.package import Package
 from ncgen.program.algebra.quasidefinite import Elimination
 from ncgen.program.ir.blocks import Pattern, Program
+from ncgen.solver.events.held_mechanism import GAP, JOINT, LOCK, RATCHET
 from ncgen.toolchain.generic_wasm import LINKED, WITHOUT_EVENTS, binary
 
 CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM HAPPENED STOPPED STATE FUNCTIONS WORDS".split())

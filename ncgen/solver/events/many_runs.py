@@ -10,7 +10,6 @@ import hashlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from threading import Lock
 from typing import Any
 
@@ -29,8 +28,11 @@ from ncgen.model.actions import Change, Impact, Stop
 from ncgen.model.values import Scalar
 from ncgen.program.motions.event_programs import INPUTS, assemble_conditions
 from ncgen.solver.engines import acceleration_forms, capabilities, compiled
+from ncgen.solver.events import on_demand
 from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.events.conditions import EventFunctions
+from ncgen.solver.events.event_table import EventTable
+from ncgen.solver.events.held_mechanism import with_switches
 from ncgen.solver.events.modes import Held, load_conditions, rank_of, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.loads.constraint_loads import refusal_of_multipliers
@@ -182,20 +184,18 @@ class ManyRuns:
 
     # -- what C is given ---------------------------------------------------------------------------------------------------------------
 
-    def _with_switches(self) -> Any:
+    def _with_switches(self) -> EventTable:
         """The table of what may be held in one mechanism with switches, which takes the place of the mechanism from here on."""
         given, motions = self.kernels, self.motions
-        held = import_module("ncgen.exchange.export.held_mechanism")
 
         def made() -> Kernels:
-            return import_module("ncgen.compiler").compile(held.with_switches(given.model), backend="c", effort=given.effort)
+            return on_demand.compiled(with_switches(given.model), backend="c", effort=given.effort)
 
         self.kernels = kernels = given.remember("with switches", (), made)
         p = np.tile(kernels.p0, (len(motions.q), 1))
         p[:, [kernels.parameters.index(name) for name in given.parameters]] = motions.p
         self.motions = replace(motions, p=p)
-        table = import_module("ncgen.exchange.export.event_table").EventTable
-        return kernels.remember("events with switches", (), lambda: table(kernels, kernels.programs.equations))
+        return kernels.remember("events with switches", (), lambda: EventTable(kernels, kernels.programs.equations))
 
     @property
     def _table(self) -> EventsInC:
@@ -235,9 +235,7 @@ class ManyRuns:
         """What may be held, the mechanism for it, and how many conditions its loads have."""
         rows = [(row.kind, row.condition, row.on, row.held, row.value, row.slip, row.load) for row in exported.hold_rows]
         mechanism, loads = exported.held, len(exported.loads)
-        kernels = self.kernels.remember(
-            "held with switches", (), lambda: import_module("ncgen.compiler").compile(mechanism.sources, backend="c")
-        )
+        kernels = self.kernels.remember("held with switches", (), lambda: on_demand.compiled(mechanism.sources, backend="c"))
         made = self._compiled(
             kernels, "held_conditions", "conditions", 2 * (self.functions.count + loads),
             lambda: {"conditions": replace(mechanism.programs[0], name="conditions")},

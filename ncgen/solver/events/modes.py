@@ -6,13 +6,11 @@ as fast as that of a plain model. A constraint is left by the sign, or the size,
 
 from __future__ import annotations
 
-import copy
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +29,7 @@ from ncgen.program.motions.event_programs import INPUTS, HeldLoad, assemble_mode
 from ncgen.program.motions.multipliers import STATE
 from ncgen.program.motions.sliding import Sliding, assemble_friction
 from ncgen.program.motions.sliding_derivatives import assemble_friction_derivatives
+from ncgen.solver.events import on_demand
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
@@ -86,8 +85,7 @@ def variant(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
 
 
 def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
-    model = copy.deepcopy(kernels.model)
-    model.events, model.frictions, model.contacts, model.ratchets, model.locks, model.chosen_independent = {}, {}, {}, {}, {}, ()
+    model = on_demand.without_events(kernels.model)
     for each in held:
         if each.place:  # so that positions around the start, in which accelerations are seen, are those of the mechanism
             name, initial = each.place
@@ -95,7 +93,7 @@ def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
         for row in each.rows:
             hold = model.constrain_velocity if each.sticks else model.constrain
             hold(row, f"{each.name}, held")  # type: ignore[arg-type]
-    made = import_module("ncgen.compiler").compile(model, backend="c", effort=kernels.effort)
+    made = on_demand.compiled(model, backend="c", effort=kernels.effort)
     if made.coordinates != kernels.coordinates or made.parameters != kernels.parameters:
         raise ModelError(
             f"{kernels.name}: {', '.join(each.name for each in held)} cannot be held; their constraints change the coordinates"

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ncgen.compiler import compile, generate
 from ncgen.emit.sources import Sources
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
@@ -21,6 +20,7 @@ from ncgen.model.values import Scalar, evaluate, symbol_of
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_programs import HeldLoad, assemble_mode_conditions
 from ncgen.program.motions.sliding import assemble_friction
+from ncgen.solver.events import on_demand
 from ncgen.solver.events.modes import sliding_of
 from ncgen.solver.events.rubbing import SHARED
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
@@ -122,16 +122,15 @@ def held_mechanism(model: Model, conditions: Sequence[tuple[str, Scalar]]) -> He
     some = holdables(model)
     if not some:
         return None
-    other = copy.deepcopy(model)
-    other.name, other.outputs, other.chosen_independent = f"{model.name}_held", {}, ()
-    other.events, other.frictions, other.contacts, other.ratchets, other.locks = {}, {}, {}, {}, {}
+    other = on_demand.without_events(model)
+    other.name, other.outputs = f"{model.name}_held", {}
     for each in some:  # sizes are those of the rows as they are held
         other.parameters[each.switch] = replace(other.parameters[each.switch], default=1.0)
         if each.held:
             other.parameters[each.held] = replace(other.parameters[each.held], default=evaluate(each.initial, other.numbers, each.name))
         other.constrain(symbol_of(each.switch) * each.row, f"{each.name}, held")  # type: ignore[arg-type]
-    sources = generate(other)
-    kernels = compile(sources, backend="numpy")
+    sources = on_demand.generated(other)
+    kernels = on_demand.compiled(sources, backend="numpy")
     loads = [
         HeldLoad(words=each.name, row=kernels.m - len(some) + i, static=each.static, pressed=each.pressed)
         for i, each in enumerate(some)

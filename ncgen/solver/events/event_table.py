@@ -7,11 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ncgen.exchange.export.held_mechanism import LOADS, HeldMechanism, Holdable, held_mechanism, holdables
 from ncgen.mechanism.conditions_in_c import basis, formula_arrays
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model import Model
-from ncgen.model.actions import Change, Impact, Locking, Stop
+from ncgen.model.actions import Locking
 from ncgen.model.events import Event
 from ncgen.model.values import Scalar, as_sympy
 from ncgen.program.ir.blocks import Program
@@ -19,7 +17,7 @@ from ncgen.program.motions.condition_formulas import FormulaTable, assemble_form
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.action_rows import ActionRow, Actions
 from ncgen.solver.events.conditions import degree_within_step, mentions_inputs
-from ncgen.solver.name_lists import listed_names
+from ncgen.solver.events.held_mechanism import LOADS, HeldMechanism, Holdable, held_mechanism, holdables
 from ncgen.symbolic.numbering import Terms
 
 START = -1
@@ -193,15 +191,3 @@ class EventTable:
             "unknown": [int(not is_known) for is_known in self._polynomial],
             "ends": any(event.is_last for event in self.events),
         }
-
-
-def refusal_of_events(model: Model) -> str | None:
-    """Why the events of a model cannot be exported, in words, or None."""
-    if model.contacts:
-        return f"friction of contacts is not exported yet ({listed_names(list(model.contacts))}); leave it out, or use ncgen.simulate"
-    if called := [event.name for event in model.events.values() if event.is_called]:
-        return f"event {called[0]} calls a Python function; write what it does as expressions"
-    known = (Change, Impact, Locking, Stop)
-    if unknown := [event.name for event in model.events.values() if not all(isinstance(action, known) for action in event.do)]:
-        return f"what event {unknown[0]} does is not exported yet; use ncgen.simulate"
-    return None
