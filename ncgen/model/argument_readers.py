@@ -53,9 +53,9 @@ def read(model: Contents, word: str, bound: inspect.BoundArguments) -> None:
         if reader is None or (argument is None and kind != parameter.annotation):
             continue
         where = label if isinstance(label, str) and label else " ".join([word, "-".join(subject)]).strip()
-        what = where if key in UNNAMED_ARGUMENTS else f"{where}, {key}"
+        address = where if key in UNNAMED_ARGUMENTS else f"{where}, {key}"
         many = parameter.kind is parameter.VAR_POSITIONAL
-        result = tuple(reader(model, each, what) for each in bound.arguments[key]) if many else reader(model, argument, what)
+        result = tuple(reader(model, each, address) for each in bound.arguments[key]) if many else reader(model, argument, address)
         if "name" not in bound.arguments and isinstance(result, (Spatial, Relative, Component, Body)):
             subject.append(result.name)
         bound.arguments[key] = result
