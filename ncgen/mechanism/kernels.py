@@ -286,7 +286,7 @@ class Kernels(KernelCalls):
         ----------
         name : str
             One of stiffness, damping, phidd_q, phidd_qd, phi_p, phid_p, phidd_p and balance_p.
-        **given : array_like
+        **arguments : array_like
             Arguments of that kernel by name: t, q, qd, qdd, lam, p.
 
         Returns
