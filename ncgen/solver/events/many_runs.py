@@ -167,7 +167,7 @@ class ManyRuns:
 
     def _happening(self, note: Note) -> Happening:
         search = self._searches[note.event] if note.cause == 0 else SEARCHES[note.cause]
-        what = ("", *(GAPS if note.event < len(self.functions.events) else JOINTS))[note.what]
+        what = ("", *(GAPS if note.event < len(self.functions.events) else JOINTS))[note.transition]
         name = self._names[note.event]
         return Happening(
             t=note.t,
