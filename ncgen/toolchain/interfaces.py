@@ -1,7 +1,7 @@
 """What passes arguments to functions in C, by cffi: declarations are parsed once, and from then on known to the cache.
 
 The parser takes 60 ms to load and to read the headers, a tenth of a short run. The cache holds what it makes of declarations, which is
-data: cffi's own description of types, as in the modules that `FFI.emit_python_code` writes.
+data: cffi's own description of types, as in the modules that it writes for programs that are installed.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ Interface: TypeAlias = Any
 """An FFI at work: the stubs of cffi know no members of what it makes, and take no array of NumPy for a buffer."""
 
 KIND = "interfaces"
+NAME = "declarations"
+"""Of the modules that cffi writes."""
 
 Texts: TypeAlias = tuple[str, ...]
 """Declarations in C, each of which knows the types of those before it."""
@@ -62,9 +64,11 @@ def _texts(declarations: str, base: Interface | None) -> Texts:
 
 def _described(texts: Texts) -> dict[str, Any]:
     """The arguments of an FFI in a module that cffi writes, as JSON can say them: a byte is the character of its number."""
+    from cffi.recompiler import make_py_source
+
     with tempfile.TemporaryDirectory(prefix="ncgen-") as folder:
         path = Path(folder) / "interface.py"
-        _parsed(texts).emit_python_code(str(path))
+        make_py_source(_parsed(texts), NAME, str(path))
         module = ast.parse(contents(path, MAX_FILE_BYTES))
     calls = [node for node in ast.walk(module) if isinstance(node, ast.Call)]
     return {word.arg: _plain(ast.literal_eval(word.value)) for word in calls[0].keywords if word.arg and word.arg != "_includes"}
@@ -78,7 +82,7 @@ def _parsed(texts: Texts) -> FFI:
     if texts[:-1]:
         ffi.include(_parsed_base(texts[:-1]))
     ffi.cdef(texts[-1])
-    ffi.set_source(f"base_{len(texts)}", None)
+    ffi.set_source(NAME, None)
     return ffi
 
 
