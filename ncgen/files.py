@@ -56,13 +56,15 @@ def _mode(path: Path) -> int | None:
         return None
 
 
-def output_was(former: str) -> Callable[[Method], Method]:
-    """Let callers name the argument `output`, the place where a function writes, by its former name as well.
+def argument_was(former: str, today: str = "output") -> Callable[[Method], Method]:
+    """Let callers name an argument by its former name as well.
 
     Parameters
     ----------
     former : str
-        The former name: `path` or `folder`.
+        The former name, such as `path` or `folder`.
+    today : str, optional
+        Its name; by default that of the file or folder that a function writes.
 
     Returns
     -------
@@ -74,9 +76,9 @@ def output_was(former: str) -> Callable[[Method], Method]:
         @wraps(function)
         def renamed(*args: Any, **keywords: Any) -> Any:
             if former in keywords:
-                if "output" in keywords:
-                    raise ModelError(f"{function.__name__}: {former} is the former name of output, and both are given; give output")
-                keywords["output"] = keywords.pop(former)
+                if today in keywords:
+                    raise ModelError(f"{function.__name__}: {former} is the former name of {today}, and both are given; give {today}")
+                keywords[today] = keywords.pop(former)
             return function(*args, **keywords)
 
         return cast(Method, renamed)

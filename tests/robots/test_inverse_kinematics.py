@@ -192,8 +192,8 @@ def test_what_is_refused(arm):
         (({"tool0": position},), r"^frame tool0: give \(rotation \(3, 3\), position \(3,\) in m\), one of which may be None, and not"),
         (({"tool0": (None, None)},), "^frame tool0: give .rotation"),
         (({"tool0": (2 * rotation, None)},), "^frame tool0: rotation: Rᵀ R is off the unit matrix by 3"),
-        (({},), "^arm: there is nothing to reach; give a point and a place, or {frame: .rotation, position.}"),
-        (({"tool0": (rotation, position)}, tip), "^place, rotation and body are those of a point"),
+        (({},), "^arm: nothing to reach; give a point and a position, or {frame: .rotation, position.}"),
+        (({"tool0": (rotation, position)}, tip), "^position, rotation and body are those of a point"),
         (("tool0",), "^frame tool0: give"),
     ]
     for arguments, message in cases:

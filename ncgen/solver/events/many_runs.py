@@ -167,7 +167,7 @@ class ManyRuns:
 
     def _happening(self, note: Note) -> Happening:
         search = self._searches[note.event] if note.cause == 0 else SEARCHES[note.cause]
-        what = ("", *(GAPS if note.event < len(self.functions.events) else JOINTS))[note.transition]
+        transition = ("", *(GAPS if note.event < len(self.functions.events) else JOINTS))[note.transition]
         name = self._names[note.event]
         return Happening(
             t=note.t,
@@ -179,21 +179,21 @@ class ManyRuns:
             impulse=note.impulse,
             energy_lost=note.lost,
             limit=note.limit,
-            what=what,
+            transition=transition,
         )
 
     # -- what C is given ---------------------------------------------------------------------------------------------------------------
 
     def _with_switches(self) -> EventTable:
         """The table of what may be held in one mechanism with switches, which takes the place of the mechanism from here on."""
-        given, motions = self.kernels, self.motions
+        mechanism, motions = self.kernels, self.motions
 
         def made() -> Kernels:
-            return on_demand.compiled(with_switches(given.model), backend="c", effort=given.effort)
+            return on_demand.compiled(with_switches(mechanism.model), backend="c", effort=mechanism.effort)
 
-        self.kernels = kernels = given.remember("with switches", (), made)
+        self.kernels = kernels = mechanism.remember("with switches", (), made)
         p = np.tile(kernels.p0, (len(motions.q), 1))
-        p[:, [kernels.parameters.index(name) for name in given.parameters]] = motions.p
+        p[:, [kernels.parameters.index(name) for name in mechanism.parameters]] = motions.p
         self.motions = replace(motions, p=p)
         return kernels.remember("events with switches", (), lambda: EventTable(kernels, kernels.programs.equations))
 
@@ -205,7 +205,7 @@ class ManyRuns:
         count = functions.count
         return EventsInC(
             directions=[*actions.directions, *[-1] * (count - len(actions.directions))],
-            actions=[(row.event, row.kind, row.place, row.value) for row in rows],
+            actions=[(row.event, row.kind, row.index, row.value) for row in rows],
             law=actions.law,
             most=max(actions.most, count),
             n_values=len(values),
