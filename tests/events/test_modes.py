@@ -160,6 +160,12 @@ def test_an_archive_keeps_events(tmp_path):
     for each in (run, again):
         with pytest.raises(ncgen.ModelError, match="kept: joint reactions need a motion of one mechanism"):
             each.reactions()
+    path = tmp_path / "trajectory.npz"
+    with np.load(path) as archive:
+        older = dict(archive)
+    older["about"] = np.array(str(older["about"]).replace('"transition"', '"what"'))
+    np.savez(path, **older)
+    assert [each.transition for each in ncgen.read(path, run.kernels).events] == [each.transition for each in run.events]
 
 
 def test_files_say_elements():

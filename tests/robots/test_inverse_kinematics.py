@@ -107,6 +107,7 @@ def test_ways_to_say_a_target(arm):
         assert target[0] is None or np.allclose(turn, rotation, atol=1e-8)
         assert target[1] is None or np.allclose(place, position, atol=1e-8)
     assert arm.inverse_kinematics("tool0", position, rotation) == arm.inverse_kinematics({"tool0": (rotation, position)})
+    assert arm.inverse_kinematics("tool0", place=position) == arm.inverse_kinematics("tool0", position=position)
 
 
 def test_a_target_that_is_reached_at_a_limit_alone(arm):
