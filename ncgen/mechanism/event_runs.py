@@ -63,7 +63,7 @@ class EventsInC:
         return self.count + (self.held[2] if self.held else self.count)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class HeldGaps:
     """A mode: numbers of the events whose gaps are held, the mechanism that moves then, the rank of its Φ_q, and the address of the
     conditions with the loads behind them; friction: the address of that which follows loads, 0 for none."""

@@ -246,7 +246,7 @@ class ManyRuns:
         made = self._compiled(kernels, "held_conditions", mechanism.programs[0], 2 * (self.functions.count + loads))
         dynamics = acceleration_forms.all_coordinates(kernels, form="dense", integrator=self.method.integrator.name)
         friction = self._compiled(kernels, "held_friction", mechanism.programs[1], kernels.n) if exported.follows_loads else 0
-        return rows, HeldGaps((), dynamics, -1, made, friction), loads
+        return rows, HeldGaps(held=(), dynamics=dynamics, rank=-1, conditions=made, friction=friction), loads
 
     def _compiled(self, kernels: Kernels, kind: str, program: Program, size: int) -> int:
         """The address of a function of a state, made once for the events of a mechanism: equations do not tell events from others."""
@@ -274,7 +274,7 @@ class ManyRuns:
         dynamics = acceleration_forms.all_coordinates(
             kernels, form=acceleration_forms.form_of(kernels, self.method), integrator=self.method.integrator.name
         )
-        return HeldGaps(held, dynamics, rank_of(self.kernels, kernels, at), conditions)
+        return HeldGaps(held=held, dynamics=dynamics, rank=rank_of(self.kernels, kernels, at), conditions=conditions)
 
     def _adds(self, runs: EventRuns) -> bool:
         """Whether the mode that a motion needs could be added."""
