@@ -196,7 +196,7 @@ def run(
         arguments["p"] = with_model_parameters(loaded, arguments["p"])
         check_simulation(loaded, **arguments)
         if backend != "numpy" and engine != "python":
-            compiling.append(compiling_thread(part=part_for(simulation_of(loaded, **arguments).get("integrator", AUTO))))
+            compiling.append(compiling_thread(component=part_for(simulation_of(loaded, **arguments).get("integrator", AUTO))))
             compiling[0].start()
 
     kernels, sources, seconds = _compiled(model, robot, backend, emission, check, lists_left_out=not json_output)

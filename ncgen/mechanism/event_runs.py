@@ -91,7 +91,7 @@ class Note:
 
     owner: int
     event: int
-    what: int
+    transition: int
     cause: int
     t: float
     impulse: float
@@ -226,8 +226,8 @@ class EventRuns:
 
     def _described(self, table: EventsInC) -> dict[str, Any]:
         rows = [
-            {"event": event, "kind": getattr(self._library, kind), "place": place, "value": value}
-            for event, kind, place, value in table.actions
+            {"event": event, "kind": getattr(self._library, kind), "place": position, "value": value}
+            for event, kind, position, value in table.actions
         ]
         actions = self._ffi.new("ncgen_action[]", rows)
         self._kept.append(actions)
@@ -331,14 +331,14 @@ class EventRuns:
         rows, self._log.count = self._rows[: self._log.count].copy(), 0
         n, notes = self._n, []
         for row in rows:
-            owner, event, what, how, t, impulse, lost, limit = row[:STATE].tolist()
+            owner, event, transition, how, t, impulse, lost, limit = row[:STATE].tolist()
             q, before, after = (row[STATE + k * n : STATE + (k + 1) * n] for k in range(3))
             ends = None if limit < 0 else t + limit
             notes.append(
                 Note(
                     owner=int(owner),
                     event=int(event),
-                    what=int(what),
+                    transition=int(transition),
                     cause=int(how),
                     t=t,
                     impulse=impulse,

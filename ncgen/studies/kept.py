@@ -73,10 +73,10 @@ class Kept:
 
     def of_events(self, happened: Sequence[Happening]) -> float:
         """What is kept of the events of a run. NaN of an event that does not happen has a time."""
-        own = [each for each in happened if self.name in (f"{each.name} {each.what}".strip(), each.name if each.what in BY_NAME else "")]
+        events = [each for each in happened if self.name in (f"{each.name} {each.what}".strip(), each.name if each.what in BY_NAME else "")]
         if self.over == "first_time":
-            return own[0].t if own else np.nan
-        return float(len(own) if self.over == "count" else sum(getattr(each, self.over) for each in own))
+            return events[0].t if events else np.nan
+        return float(len(events) if self.over == "count" else sum(getattr(each, self.over) for each in events))
 
     def is_output(self, model: Model) -> bool:
         return self.name in model.outputs
@@ -99,7 +99,7 @@ def _gradients(word: str, known: Outline, varied: Sequence[str]) -> list[Kept]:
     if not (word.startswith(f"{GRADIENT}(") and word.endswith(")")) or _is_known(word, known):
         return []
     of = word[len(GRADIENT) + 1 : -1]
-    first, comma, by = (part.strip() for part in of.rpartition(","))
+    first, comma, by = (word_part.strip() for word_part in of.rpartition(","))
     whole = not comma or _is_known(of, known)
     column = Kept.of(of if whole else first, known)
     if column.over not in ("end", "max", "min"):
@@ -127,7 +127,7 @@ def event_names(model: Model) -> tuple[str, ...]:
     locking = [name for name, event in model.events.items() if any(isinstance(action, Locking) for action in event.do)]
     locks = dict.fromkeys((*model.locks, *locking))
     kinds = ((contacts, GAPS), ((*model.frictions, *model.contacts), JOINTS), (model.ratchets, RATCHETS), (locks, LOCKS))
-    held = [f"{name} {what}" for names, words in kinds for name in names for what in words]
+    held = [f"{name} {transition}" for names, words in kinds for name in names for transition in words]
     return tuple(dict.fromkeys((*model.events, *model.frictions, *model.ratchets, *model.locks, *held)))
 
 

@@ -179,7 +179,7 @@ class ManyRuns:
     def _happening(self, note: Note) -> Happening:
         search = SEARCHES[note.cause] if note.cause else self._searches[note.event]
         name, words = self._told[note.event]
-        what = "" if note.impulse > 0 else words[note.what]
+        what = "" if note.impulse > 0 else words[note.transition]
         return Happening(
             t=note.t,
             name=name,
