@@ -15,7 +15,7 @@ from functools import wraps
 from pathlib import Path
 from typing import IO, Any, TypeVar, cast
 
-from ncgen.errors import ModelError, NcgenError, shown
+from ncgen.errors import ModelError, NcgenError, given_twice, shown
 
 READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """Flags under which opening waits for nobody: a pipe without a writer would hold a process for ever."""
@@ -77,7 +77,7 @@ def argument_was(former: str, today: str = "output") -> Callable[[Method], Metho
         def renamed(*args: Any, **keywords: Any) -> Any:
             if former in keywords:
                 if today in keywords:
-                    raise ModelError(f"{function.__name__}: {former} is the former name of {today}, and both are given; give {today}")
+                    raise given_twice(function.__name__, former, today)
                 keywords[today] = keywords.pop(former)
             return function(*args, **keywords)
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import wraps
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, cast
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, given_twice, shown
 from ncgen.solver.name_lists import offer
 
 if TYPE_CHECKING:
@@ -198,7 +198,7 @@ def check_names(function: str, names: Iterable[str], known: Collection[str]) -> 
     ----------
     function : str
         The function's name, for the message.
-    given, known : iterable of str
+    names, known : iterable of str
         Names that were given, and names that there are.
 
     Raises
@@ -219,7 +219,7 @@ def _named(
     """Return arguments by their names of today, without those that make no difference. Raises ModelError for wrong names."""
     for word in [word for word in keywords if word in former]:
         if former[word] in keywords:
-            raise ModelError(f"{function}: {word} is the former name of {former[word]}, and both are given; give {former[word]}")
+            raise given_twice(function, word, former[word])
         keywords[former[word]] = keywords.pop(word)
     keywords = without_unused(function, keywords, unused)
     check_names(function, keywords, known)
