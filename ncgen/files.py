@@ -15,7 +15,7 @@ from functools import wraps
 from pathlib import Path
 from typing import IO, Any, TypeVar, cast
 
-from ncgen.errors import ModelError, NcgenError, given_twice, shown
+from ncgen.errors import NcgenError, given_twice, shown
 
 READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """Flags under which opening waits for nobody: a pipe without a writer would hold a process for ever."""
