@@ -32,6 +32,14 @@ VAGUE = {"found", "told", "said", "asked", "heard", "settled"}
 VAGUE_IN_PYTHON = VAGUE | {"thing", "things", "stuff", "mine", "theirs", "its", "says", "anything", "something", "everything"}
 """The same in Python, where pronouns stand for variables as well."""
 
+HOLDERS = {"place", "places", "what", "part", "given", "own", "share"}
+"""Words for anything that stands somewhere or belongs to something: write position, index, argument, kind, fraction, …"""
+
+UNREAD = {
+    "program", "solver",
+}  # fmt: skip
+"""Packages in which variables are still to be changed to what `HOLDERS` says; the list only becomes shorter."""
+
 
 def assigned(tree: ast.Module) -> set[str]:
     """Names that a module assigns on its top level."""
@@ -53,7 +61,8 @@ def test_names_say_what_they_name():
     wrong = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         name, tree = path.relative_to(PACKAGE).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
-        if names := (assigned(tree) & ADJECTIVES) | (local(tree) & VAGUE_IN_PYTHON):
+        vague = VAGUE_IN_PYTHON if name.split("/")[0] in UNREAD else VAGUE_IN_PYTHON | HOLDERS
+        if names := (assigned(tree) & ADJECTIVES) | (local(tree) & vague):
             wrong[name] = names
     assert wrong == {}
 

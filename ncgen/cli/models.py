@@ -185,7 +185,7 @@ def run(
     from ncgen.solver.positions.rank import freedom
     from ncgen.solver.runs.simulation_options import check_simulation, simulation_of
 
-    given: dict[str, Any] = dict(
+    arguments: dict[str, Any] = dict(
         duration=duration, p=assigned("--param", param), zd0=assigned("--velocity", velocity), stop=assigned("--stop", stop, "rising"),
         formalism=formalism, integrator=integrator, engine=engine, number=number, rtol=rtol, atol=atol, max_step=max_step, points=points,
     )  # fmt: skip
@@ -193,10 +193,10 @@ def run(
     compiling: list[Thread] = []
 
     def check(loaded: Model) -> None:
-        given["p"] = with_model_parameters(loaded, given["p"])
-        check_simulation(loaded, **given)
+        arguments["p"] = with_model_parameters(loaded, arguments["p"])
+        check_simulation(loaded, **arguments)
         if backend != "numpy" and engine != "python":
-            compiling.append(compiling_thread(part=part_for(simulation_of(loaded, **given).get("integrator", AUTO))))
+            compiling.append(compiling_thread(component=part_for(simulation_of(loaded, **arguments).get("integrator", AUTO))))
             compiling[0].start()
 
     kernels, sources, seconds = _compiled(model, robot, backend, emission, check, lists_left_out=not json_output)
@@ -206,7 +206,7 @@ def run(
             compiling[0].join()  # a compiler that still runs would disturb the times
     if not json_output:
         show_inspection(out, facts_of(kernels, mobility), seconds, kernel_times(kernels))
-    options = simulation_of(kernels.model, **given)
+    options = simulation_of(kernels.model, **arguments)
     with progress(f"simulating {options['duration']} s", options["duration"]) as advance:
         try:
             trajectory = simulate_one(kernels, progress=lambda t: advance(t - options.get("t0", 0.0)), **options)

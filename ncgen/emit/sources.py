@@ -65,5 +65,5 @@ class Sources:
         NcgenError
             If the folder cannot be written.
         """
-        place = path_of(output, "folder")
-        return [write_text(place / name, text) for name, text in self.files.items()]
+        folder = path_of(output, "folder")
+        return [write_text(folder / name, text) for name, text in self.files.items()]

@@ -254,7 +254,7 @@ class Dynamics:
         """Parameters, position and velocities as C reads them."""
         kernels = self.kernels
         counts = {"p": (p, len(kernels.p0)), "q": (q, kernels.n), "velocities": (velocities, self._state(formalism)[0])}
-        return [laid(given, self.number.dtype, count, f"{kernels.name}: {name}") for name, (given, count) in counts.items()]
+        return [laid(values, self.number.dtype, count, f"{kernels.name}: {name}") for name, (values, count) in counts.items()]
 
     @property
     def _eliminated(self) -> int:

@@ -100,7 +100,7 @@ class Formalism:
     is_ordinary: bool = True
     in_c: bool = True
     options: dict[str, Any] = field(default_factory=dict, hash=False)
-    own: OwnFormalism | None = field(default=None, hash=False)
+    user_object: OwnFormalism | None = field(default=None, hash=False)
 
     @property
     def constant(self) -> str:
@@ -236,8 +236,8 @@ def find_formalism(name: object) -> Formalism:
         return name
     if is_own(name):
         check_own(name, (AUTO, *FORMALISMS))
-        own = cast(OwnFormalism, name)
-        return replace(_of_accelerations(own.name, "the user's own"), in_c=False, own=own)
+        user_object = cast(OwnFormalism, name)
+        return replace(_of_accelerations(user_object.name, "the user's own"), in_c=False, user_object=user_object)
     if not isinstance(name, str) or name not in FORMALISMS:
         raise unknown_word(name, "formalism", (AUTO, *FORMALISMS))
     return FORMALISMS[name]

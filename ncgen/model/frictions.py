@@ -137,8 +137,8 @@ class Frictions(OneSided):
         load, across = pressing
         if coefficient is None or load is None:
             raise ModelError(f"{where}: coefficient and load belong together; give both, or coulomb")
-        if given := [word for word, value in others.items() if value is not None]:
-            raise ModelError(f"{where}: {given[0]} does not go with the friction of a load; leave it out, or coefficient and load")
+        if conflicts := [word for word, value in others.items() if value is not None]:
+            raise ModelError(f"{where}: {conflicts[0]} does not go with the friction of a load; leave it out, or coefficient and load")
         rows = [row for row in (load, across) if row is not None]
         for row in rows:
             if row.type is not None:

@@ -47,8 +47,8 @@ class Gears(Joints):
         ModelError
             For a radius of 0.
         """
-        for what, radius in (("radius_first", radius_first), ("radius_second", radius_second)):
-            self._check_radius(f"gear {first.name}, {second.name}: {what}", radius)
+        for argument, radius in (("radius_first", radius_first), ("radius_second", radius_second)):
+            self._check_radius(f"gear {first.name}, {second.name}: {argument}", radius)
         balance = radius_first * first.symbol + radius_second * second.symbol
         start = radius_first * first.given[0] + radius_second * second.given[0]
         return self._turn_together("gear", first, second, balance - start)

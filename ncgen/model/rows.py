@@ -100,8 +100,8 @@ def natural_size(row: Row, number: Callable[[Value], float]) -> float | None:
 
 def describe(equation: str, values: Mapping[str, Combination | Value | Component]) -> str:
     """The equation of a row or a load with what its letters stand for."""
-    places = ", ".join(f"{name} = {_short(value)}" for name, value in values.items() if re.search(rf"\b{name}\b", equation))
-    return f"{equation} with {places}" if places else equation
+    substitutions = ", ".join(f"{name} = {_short(value)}" for name, value in values.items() if re.search(rf"\b{name}\b", equation))
+    return f"{equation} with {substitutions}" if substitutions else equation
 
 
 def _short(value: Combination | Value | Component) -> str:

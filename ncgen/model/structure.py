@@ -274,9 +274,9 @@ class Structure(OwnConstraints):
         frame, owner = body.frame, Owner("joint", f"rigid {body.name}-{self.ground.name}", (body.name, self.ground.name), "rigid")
         made: list[Row] = []
         if frame.resting == 0 and frame.origin is not None and not all(c.fixed for c in frame.origin.components):
-            place = self.point(self.free_name(f"{body.name}.rest"), frame.origin.given, fixed=True)
-            self.extend(self.ground, place)
-            offset = frame.origin - place
+            rest_point = self.point(self.free_name(f"{body.name}.rest"), frame.origin.given, fixed=True)
+            self.extend(self.ground, rest_point)
+            offset = frame.origin - rest_point
             size = measures.natural_length(offset, self.extent())
             made = [row.affine(axis, offset, offset, offset, 0.0, size, owner, f"rest of {frame.origin.name}") for axis in range(3)]
         for number in range(frame.resting or 0, min(len(frame.directions), 2)):
@@ -290,18 +290,18 @@ class Structure(OwnConstraints):
         frame.resting = max(1, len(frame.directions))
         self.rows += [replace(new, measured=True) for new in made if not row.is_trivial(new)]
 
-    def _tensor(self, name: str, given: Tensor) -> np.ndarray:
+    def _tensor(self, name: str, tensor: Tensor) -> np.ndarray:
         """An inertia tensor as 3×3 values, from one for a flat body, its diagonal, or all."""
         try:
-            given = np.array(given, dtype=object)
+            tensor = np.array(tensor, dtype=object)
         except ValueError:
-            raise ModelError(f"body {name}, inertia: {shown(given)} given; give one number, three, or 3×3") from None
-        if given.shape not in ((), (3,), (3, 3)):
-            raise ModelError(f"body {name}: the inertia has shape {given.shape}; give one number (planar), (3,) or (3, 3)")
-        values = np.array([value(self, x, f"body {name}, inertia") for x in given.flat], dtype=object).reshape(given.shape)
+            raise ModelError(f"body {name}, inertia: {shown(tensor)} given; give one number, three, or 3×3") from None
+        if tensor.shape not in ((), (3,), (3, 3)):
+            raise ModelError(f"body {name}: the inertia has shape {tensor.shape}; give one number (planar), (3,) or (3, 3)")
+        values = np.array([value(self, x, f"body {name}, inertia") for x in tensor.flat], dtype=object).reshape(tensor.shape)
         if values.ndim == 0:
             moment = as_sympy(values.item())
-            values = np.array([moment * share for share in (0.5, 0.5, 1.0)], dtype=object)
+            values = np.array([moment * fraction for fraction in (0.5, 0.5, 1.0)], dtype=object)
         return np.diag(values) if values.ndim == 1 else values
 
     def _complete(self, body: Body) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
-from ncgen.program.binding import Places
+from ncgen.program.binding import TermOperands
 from ncgen.program.programs import ENERGIES
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import TemplateOutput
@@ -29,7 +29,7 @@ Place: TypeAlias = tuple[Axis, ...]
 Nodes: TypeAlias = dict[TemplateOutput, int]
 """{output of a template: its node}."""
 
-Parts: TypeAlias = Callable[[Places, Nodes], Iterable[tuple[Place, int]]]
+Parts: TypeAlias = Callable[[TermOperands, Nodes], Iterable[tuple[Place, int]]]
 """(places, outputs) -> the contributions of a term: pairs (place, node)."""
 
 ROW = Axis("row")
@@ -52,7 +52,7 @@ class Kernel:
 
 
 def _row(name: str) -> Parts:
-    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+    def parts(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
         yield (ROW,), outputs[TemplateOutput(name)]
 
     return parts
@@ -61,9 +61,9 @@ def _row(name: str) -> Parts:
 def chain(name: str, order: int, by_row: bool) -> Parts:
     """Contributions per coordinate (order 1) or pair of coordinates (order 2), by the chain rule."""
 
-    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
-        graph = places.graph
-        weights = [places.weights(c) for c in range(len(places.bound.coordinates))]
+    def parts(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        graph = operands.graph
+        weights = [operands.weights(c) for c in range(len(operands.bound.coordinates))]
         axes = [Axis("coordinate", c) for c in range(len(weights))]
         head = (ROW,) if by_row else ()
         made: dict[tuple[int, int], int] = {}
@@ -82,7 +82,7 @@ def chain(name: str, order: int, by_row: bool) -> Parts:
     return parts
 
 
-def _energies(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+def _energies(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
     for k, name in enumerate(ENERGIES):
         if TemplateOutput(name) in outputs:
             yield (Axis("energy", k),), outputs[TemplateOutput(name)]

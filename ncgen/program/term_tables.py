@@ -77,9 +77,9 @@ class Placed(NamedTuple):
 def term_table(equations: Equations) -> np.ndarray:
     """The table of a mechanism, parameters at their defaults. Raises ModelError for what no type describes, such as a user's formula that
     is neither a polynomial of degree 2 nor a constant speed."""
-    places = partial(_placed, equations)
-    rows = [placed for term in equations.rows for placed in places(term)]
-    others = [placed for term in (*equations.masses, *equations.forces) for placed in places(term)]
+    entries_of = partial(_placed, equations)
+    rows = [placed for term in equations.rows for placed in entries_of(term)]
+    others = [placed for term in (*equations.masses, *equations.forces) for placed in entries_of(term)]
     return laid_out(len(equations.free), len(equations.rows), rows, others)
 
 
@@ -167,10 +167,10 @@ def _products(equations: Equations, term: Term, written: sympy.Poly, components:
     row = term.row if term.row is not None else -1
     placed_terms: list[Placed] = []
     for k in range(0, max(len(products), 1), PRODUCTS):
-        part = products[k : k + PRODUCTS]
-        empty = [(0.0, [])] * (PRODUCTS - len(part))
-        a = [(0.0, [(value, i)]) for value, i, _ in part] + empty
-        b = [(0.0, [(1.0, j)]) for _, _, j in part] + empty
+        chunk = products[k : k + PRODUCTS]
+        empty = [(0.0, [])] * (PRODUCTS - len(chunk))
+        a = [(0.0, [(value, i)]) for value, i, _ in chunk] + empty
+        b = [(0.0, [(1.0, j)]) for _, _, j in chunk] + empty
         s = (constant, linear) if k == 0 else (0.0, [])
         placed_terms.append(Placed("slide", row, [*a, *b, s], [1.0, 1.0]))
     if speed:

@@ -132,9 +132,9 @@ class Recorded:
 
     def _check_model(self, kernels: Kernels) -> None:
         expected = {"coordinates": kernels.coordinates, "parameters": kernels.parameters, "rows": tuple(row.label for row in kernels.rows)}
-        for what, names in expected.items():
-            if self.names[what] != names:
-                raise NcgenError(f"{self.path}: a trajectory of other {what} than those of {kernels.name}; give the model it was run with")
+        for kind, names in expected.items():
+            if self.names[kind] != names:
+                raise NcgenError(f"{self.path}: a trajectory of other {kind} than those of {kernels.name}; give the model it was run with")
 
 
 def _check_sizes(path: Path, arrays_of_file: dict[str, np.ndarray]) -> None:

@@ -42,7 +42,9 @@ def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS) -> dict[Name, Spread
     for _ in range(rounds):
         for name, run in runs.items():
             samples[name].append(elapsed(run, times[name]) / times[name])
-    return {name: Spread(*(float(np.quantile(values, share)) for share in (0.5, 0.25, 0.75, 0.0))) for name, values in samples.items()}
+    return {
+        name: Spread(*(float(np.quantile(values, fraction)) for fraction in (0.5, 0.25, 0.75, 0.0))) for name, values in samples.items()
+    }
 
 
 def repeated(call: Callable[[], object]) -> Run:

@@ -32,8 +32,8 @@ def derivative(kernels: Kernels) -> dict | None:
     try:
         q = assemble(kernels)
         split = split_of(choose_partitions(kernels, q, independent=kernels.model.chosen_independent).velocity)
-        given = kernels.programs.equations, split, samples(kernels, q, kernels.p0), kernels.column_sizes
-        ways, closed = accelerations(*given), closing(*given)
+        arguments = kernels.programs.equations, split, samples(kernels, q, kernels.p0), kernels.column_sizes
+        ways, closed = accelerations(*arguments), closing(*arguments)
     except (NcgenError, EliminationError):
         return None
     return {**{name: cost(program).total for name, program in ways.items()}, "taken": cheapest(ways), "closing": cost(closed).total}

@@ -45,9 +45,9 @@ def inspect(kernels: Kernels, mobility: Freedom | None = None) -> dict:
         "singular": mobility.is_singular,
         "measured": sum(row.measured for row in kernels.rows),
         "left_out": [
-            {"what": what, "count": count, "changes_motion": changes_motion(sentence)}
+            {"what": term, "count": count, "changes_motion": changes_motion(sentence)}
             for sentence in model.left_out
-            for what, count in (parted(sentence),)
+            for term, count in (parted(sentence),)
         ],
         "assembled": [{"joint": name, "moved": moved, "unit": unit} for name, moved, unit in model.assembled],
         "omitted": list(kernels.programs.omitted),

@@ -84,7 +84,7 @@ def _written(value: float | str | None) -> str:
 
 
 def _counts(record: dict) -> dict[str, int]:
-    return {"degrees of freedom": record["dof"]} | {what: record[what] for what in ("rows", "redundant", "bodies")}
+    return {"degrees of freedom": record["dof"]} | {key: record[key] for key in ("rows", "redundant", "bodies")}
 
 
 def _ends(record: dict) -> dict[str, float]:

@@ -47,8 +47,8 @@ class EventfulVariants:
         study, kernels = self.study, self.kernels
         if not has_events(study.model):
             return "there are no events"
-        if given := [name for name in NOT_IN_C if study.simulation.get(name)]:
-            return f"{given[0]} is given"
+        if conflicts := [name for name in NOT_IN_C if study.simulation.get(name)]:
+            return f"{conflicts[0]} is given"
         if study.simulation.get("engine", AUTO) not in (AUTO, "c", COMPILED) or study.simulation.get("number", "double") != "double":
             return "engine or number is given"
         if uses_accelerations(study.model) and any(column.is_output(study.model) for column in study.values):
@@ -88,8 +88,8 @@ class EventfulVariants:
         )
         many = ManyRuns(kernels=kernels, run=self.run, method=self.method, motions=motions)
         many.carry_out(thread_count(threads, kernels.name), progress)
-        given = dict(enumerate(starts))
-        return {given[k]: values for k in sorted(many.carried) if (values := self._kept(motions, many.carried[k], k))}
+        numbers = dict(enumerate(starts))
+        return {numbers[k]: values for k in sorted(many.carried) if (values := self._kept(motions, many.carried[k], k))}
 
     def _start(self, row: np.ndarray) -> Start | None:
         """Where a variant starts; None where that is impossible, or a warning has to be given."""

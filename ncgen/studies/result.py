@@ -52,7 +52,7 @@ class StudyResult:
         """(first, end, file or part), none of which overlap."""
         if self.folder is not None:
             return self.folder.files()
-        return [(part.first, part.first + len(part), part) for part in sorted(self.held, key=lambda part: part.first)]
+        return [(block.first, block.first + len(block), block) for block in sorted(self.held, key=lambda block: block.first)]
 
     def __len__(self) -> int:
         return sum(end - first for first, end, _ in self._spans)
@@ -202,8 +202,8 @@ class StudyResult:
         with writing(target) as file, ExitStack() as stack:
             writer: Any = None
             for first, _, at in self._spans:
-                part = StudyResult(self.about, None, (self._part(first, at),))
-                batch = arrow.table({k: v.tolist() if v.dtype == object else v for k, v in part.table().items()})
+                block = StudyResult(self.about, None, (self._part(first, at),))
+                batch = arrow.table({k: v.tolist() if v.dtype == object else v for k, v in block.table().items()})
                 writer = writer or stack.enter_context(parquet.ParquetWriter(file, batch.schema))
                 writer.write_table(batch)
         return target

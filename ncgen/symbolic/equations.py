@@ -180,14 +180,14 @@ class ModelNames:
         return [c for _, c in sorted(coordinates.items())], [p for _, p in sorted(numbers.items())]
 
 
-def _refuse_rates(expression: Scalar, coordinates: Iterable[Component], what: str, remedy: str) -> None:
+def _refuse_rates(expression: Scalar, coordinates: Iterable[Component], quantity: str, remedy: str) -> None:
     """Raise ModelError where an expression of positions mentions a velocity."""
     import sympy
 
     mentioned = {s.name for s in symbols_in(sympy.sympify(expression))}
     rates = [rate_name(c.name) for c in coordinates if rate_name(c.name) in mentioned]
     if rates:
-        raise ModelError(f"{what} does not depend on velocities, here on {rates[0]}; {remedy}")
+        raise ModelError(f"{quantity} does not depend on velocities, here on {rates[0]}; {remedy}")
 
 
 def _words(named: Iterable[Component | Parameter]) -> tuple[str, ...]:

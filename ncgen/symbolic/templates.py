@@ -218,7 +218,7 @@ def derived_force(kind: ForceType) -> Template:
     friction = kind.friction(sympy, x, v, **data)
     parts = (replaced(slope, {at: x}), friction)
     tension = parts if kind.regular else (sympy.Add(*parts),)
-    outputs: Outputs = {TemplateOutput("force", (k,)): sympy.Add(*(-part * along for part in tension)) for k, along in enumerate(direction)}
+    outputs: Outputs = {TemplateOutput("force", (k,)): sympy.Add(*(-term * along for term in tension)) for k, along in enumerate(direction)}
     outputs |= {TemplateOutput("potential"): kind.potential(sympy, x, **data), TemplateOutput("power"): -friction * v}
     return Template(key=kind.key, equation=kind.equation, scalars=scalars, data=kind.data, outputs=outputs)
 

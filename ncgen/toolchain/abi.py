@@ -63,9 +63,9 @@ STRUCTS = {
 }
 
 
-def declared(file: str, part: str = "cdef") -> str:
+def declared(file: str, section: str = "cdef") -> str:
     """What a file of the C library declares between its marks "begin part" and "end part"."""
-    return marked(runtime_text(file), part)
+    return marked(runtime_text(file), section)
 
 
 @once
@@ -74,9 +74,9 @@ def abi_version() -> int:
     return int(runtime_text("ncgen.h").split("#define NCGEN_ABI_VERSION ")[1].split()[0])
 
 
-def marked(text: str, part: str = "cdef") -> str:
+def marked(text: str, section: str = "cdef") -> str:
     """What stands in a text between the marks "begin part" and "end part"."""
-    return text.split(f"/* begin {part} */")[1].split(f"/* end {part} */")[0]
+    return text.split(f"/* begin {section} */")[1].split(f"/* end {section} */")[0]
 
 
 @once

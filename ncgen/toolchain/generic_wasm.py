@@ -85,7 +85,7 @@ def digest() -> bytes:
     """What the sources of the files, the compiler and its flags are, in 32 bytes that the files end with."""
     texts = [COMPILER, *FLAGS, *MACROS]
     for module in NAMES:
-        texts += [*module.flags, *(part for pair in sorted(sources(module).items()) for part in pair)]
+        texts += [*module.flags, *(text for pair in sorted(sources(module).items()) for text in pair)]
     return hashlib.sha256("\0".join(texts).encode()).digest()
 
 

@@ -44,7 +44,7 @@ class Rival:
     """runs: {kernel, or "all" for Φ, Φ_q and γ: run(times)}; values(kernel): its output, in the order of the generated kernel
 
     What computes all kernels at once has runs["all"] only.
-    place: where the loop of a run is, in "C" or "Python"; calls: states that one turn of the loop evaluates
+    language: that of the loop of a run, "C" or "Python"; calls: states that one turn of the loop evaluates
     generation, compilation: seconds until it can be called, each; operations, code (bytes): {kernel: number}
     epsilon: rounding error of its numbers
     """
@@ -52,7 +52,7 @@ class Rival:
     name: str
     runs: dict[str, Run]
     values: Callable[[str], np.ndarray]
-    place: str = "C"
+    language: str = "C"
     calls: int = 1
     generation: float | None = None
     compilation: float | None = None
@@ -93,7 +93,7 @@ def called(
     if set(KERNELS) <= set(functions):
         runs["all"] = repeated(every or all_of_them)
     return Rival(
-        name=name, runs=runs, values=values or (lambda k: functions[k]()), place="Python", generation=generation, compilation=compilation
+        name=name, runs=runs, values=values or (lambda k: functions[k]()), language="Python", generation=generation, compilation=compilation
     )
 
 

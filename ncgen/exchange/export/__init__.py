@@ -66,7 +66,7 @@ def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] =
     """
     if to not in targets():
         raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(targets())}")
-    place = path_of(output, "folder")
+    folder = path_of(output, "folder")
 
     model, target = checked_model(model), import_module(f"{__name__}.{to}{END}")
     more = {"platforms": platforms} if platforms else {}
@@ -77,4 +77,4 @@ def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] =
     whole = hasattr(target, "files_of")
     files = target.files_of(model) if whole else target.files(_package(model, getattr(target, "HAS_EVENTS", False)), **more)
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
-    return [write_bytes(place / name, data) for name, data in contents.items()]
+    return [write_bytes(folder / name, data) for name, data in contents.items()]

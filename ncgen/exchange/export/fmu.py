@@ -76,7 +76,7 @@ class Group:
     """Variables that stand together: name in C, what they are, and where the first one stands."""
 
     name: str
-    what: str
+    heading: str
     first: int
     variables: list[Variable]
 
@@ -149,8 +149,8 @@ def _groups(package: Package) -> list[Group]:
     attributes = {"causality": "output", "variability": "discrete", "initial": "exact", "start": 0.0}
     counts = [Variable(name=f"count({name})", unit="", description=f"how often event {name} has happened", **attributes) for name in events]
 
-    def state(name: str, unit: str, what: str, start: float) -> Variable:
-        return Variable(name=name, unit=unit, description=what, initial="approx", start=float(start))
+    def state(name: str, unit: str, description: str, start: float) -> Variable:
+        return Variable(name=name, unit=unit, description=description, initial="approx", start=float(start))
 
     lists = {
         "TIME": ("time", [Variable(name="time", unit="s", description="time", causality="independent", initial=None)]),
@@ -193,11 +193,11 @@ def _groups(package: Package) -> list[Group]:
         "P": ("parameters, then inputs", [_given(p, float(x), p.name in changed) for p, x in parameters]),
     }
     taken = [v.name for name, (_, variables) in lists.items() if name != "OUTPUT" for v in variables]
-    what, outputs = lists["OUTPUT"]
-    lists["OUTPUT"] = what, [replace(v, name=f"output({v.name})") if v.name in taken else v for v in outputs]
+    heading, outputs = lists["OUTPUT"]
+    lists["OUTPUT"] = heading, [replace(v, name=f"output({v.name})") if v.name in taken else v for v in outputs]
     groups, first = [], 0
-    for name, (what, variables) in lists.items():
-        groups.append(Group(name, what, first, variables))
+    for name, (heading, variables) in lists.items():
+        groups.append(Group(name, heading, first, variables))
         first += len(variables)
     return groups
 

@@ -29,8 +29,8 @@ def adjoints(graph: Graph, weights: Mapping[int, int], variables: Collection[int
             continue
         for argument, slope in zip(graph.ops[node].args, slopes(graph, node), strict=True):
             if argument in active:
-                share = graph.mul(sensitivities[node], slope())
-                sensitivities[argument] = graph.add(sensitivities[argument], share) if argument in sensitivities else share
+                product = graph.mul(sensitivities[node], slope())
+                sensitivities[argument] = graph.add(sensitivities[argument], product) if argument in sensitivities else product
     return {v: sensitivities[v] for v in variables if v in sensitivities and graph.value(sensitivities[v]) != 0.0}
 
 

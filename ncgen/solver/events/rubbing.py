@@ -122,7 +122,7 @@ def undetermined(functions: EventFunctions, sliding: Sequence[Sliding], at: Stat
     names, rubbing = {each.words for each in sliding}, []
     for k, contact in functions.contacts.items():
         if f"contact {contact.name}" in names:
-            place = ", ".join(f"{_number(functions, x, at):.6g}" for x in contact.place)
+            place = ", ".join(f"{_number(functions, x, at):.6g}" for x in contact.position)
             where = f" at ({place}) m" if place else ""
             rubbing.append(f"contact {contact.name} with friction {functions.friction(k, at):g}{where}")
     for k, friction in functions.frictions.items():

@@ -69,6 +69,6 @@ def accelerations_by(name: str) -> Accelerations:
 
 def accelerations_of(formalism: Formalism) -> Accelerations:
     """The accelerations of an entry over all coordinates, which a user's own object may have made."""
-    if formalism.own is None:
+    if formalism.user_object is None:
         return accelerations_by(formalism.name)
-    return Accelerations(formalism, partial(solved_by, formalism.own), ())
+    return Accelerations(formalism, partial(solved_by, formalism.user_object), ())

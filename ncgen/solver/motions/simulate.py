@@ -395,5 +395,5 @@ class _Motion:
             events=tuple(self.passage.happened),
             modes=modes,
             changed=bool(self.passage.changes),
-            own=method.formalism if method.formalism.own else None,
+            own=method.formalism if method.formalism.user_object else None,
         )
