@@ -88,7 +88,7 @@ def _energies(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, i
             yield (Axis("energy", k),), outputs[TemplateOutput(name)]
 
 
-def _power(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+def _power(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
     if TemplateOutput("power") in outputs:
         yield (Axis("energy"),), outputs[TemplateOutput("power")]
 
