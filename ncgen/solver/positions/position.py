@@ -18,7 +18,7 @@ from ncgen.solver.finite import check_instant, is_finite, watched
 from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.given import Given
 from ncgen.solver.positions.dead_centres import approached, is_dead_centre
-from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
+from ncgen.solver.positions.sparse_rows import DENSE, least_step, scaled
 
 TOLERANCE = 1e-12
 LIMIT = 40
@@ -130,8 +130,8 @@ def _least_step(
     sizes = kernels.row_sizes[rows]
     if DENSE <= len(rows) <= len(free):
         jacobian = kernels.phi_q(q, t, p)[rows][:, free]
-        if independent := independent_rows(scaled(jacobian, 1 / sizes, np.ones(len(free)))):
-            return independent.least(right)
+        if (step := least_step(scaled(jacobian, 1 / sizes, np.ones(len(free))), right)) is not None:
+            return step
     return np.linalg.lstsq(kernels.jacobian(q, t, p)[np.ix_(rows, free)] / sizes[:, None], right, rcond=1e-10)[0]
 
 
