@@ -53,26 +53,41 @@ class EventsInC:
         return len(self.directions)
 
     @property
+    def n_holds(self) -> int:
+        """How many things may be held in one mechanism with switches."""
+        return len(self.held[0]) if self.held else 0
+
+    @property
     def most_watched(self) -> int:
         """Conditions that are watched at most: these, and those of the loads that hold gaps and joints."""
         return self.count + (self.held[2] if self.held else self.count)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class HeldGaps:
     """A mode: numbers of the events whose gaps are held, the mechanism that moves then, the rank of its Φ_q, and the address of the
-    conditions with the loads behind them."""
+    conditions with the loads behind them; friction: the address of that which follows loads, 0 for none."""
 
     held: tuple[int, ...]
     dynamics: ConstrainedDynamics
     rank: int
     conditions: int
+    friction: int = 0
+
+    def described(self) -> tuple[InC, InC]:
+        """The model and its dynamics, for C."""
+        ffi, _ = self.dynamics.interface
+        model, described = self.dynamics.described(self.rank)
+        if self.friction:
+            described.external, described.conservative = ffi.cast("ncgen_velocity_kernel *", self.friction), 0
+        return model, described
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Note:
-    """What happened at an event of motion `owner`; what: 0 it happened, 1 its gap rests, 2 it leaves; cause: 0 by its condition, 1 at the
-    start, 2 it follows from others, 3 by its load; limit: s, or None; other members as of `Happening`."""
+    """What happened at an event of motion `owner`, or from the number of the conditions on to what may be held; what: 0 it happened, 1 it
+    is held from now on, 2 no longer, 3 a joint turns; cause: 0 by its condition, 1 at the start, 2 it follows from others, 3 by its load;
+    limit: s, or None; other members as of `Happening`."""
 
     owner: int
     event: int
@@ -129,9 +144,9 @@ class EventRuns:
         self._events = self._new("ncgen_events *", **self._described(table))
         self._rows = np.zeros((NOTES, STATE + 3 * self._n))
         sampled = self._watched.struct.formulas.sampled if self._watched.struct.formulas else self._ffi.NULL
-        due = self._ints(np.zeros(table.count))
+        due = self._ints(np.ones(table.count + table.n_holds))
         self._log = self._new("ncgen_log *", room=NOTES, due=due, sampled=sampled, rows=pointer(self._ffi, self._rows.ravel()))
-        model, described = mechanism.dynamics.described(mechanism.rank)
+        model, described = mechanism.described()
         self._kept.append(described)
         driven = {"model": model, "dynamics": described, "options": settings}
         self._runs = self._new("ncgen_event_runs *", driven=driven, events=self._events, passage=self._passage(), **self._room_of(motions))
@@ -191,7 +206,7 @@ class EventRuns:
             "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
             "directions": self._ints(np.zeros(table.most_watched)), "wanted": self._at(self._wanted),
             "room": self._reals(np.zeros(2 * self._n + 2 * table.most_watched)), "log": self._log,
-            "flags": self._ints(np.zeros(self._library.ncgen_held_integers(len(table.held[0]) if table.held else 0))),
+            "flags": self._ints(np.zeros(self._library.ncgen_held_integers(table.n_holds))),
         }  # fmt: skip
 
     def _room_of(self, motions: MotionRows) -> dict[str, Any]:
@@ -230,12 +245,13 @@ class EventRuns:
         holds, mechanism, loads = table.held
         names = ("condition", "on", "held", "value", "slip", "load")
         rows = [{"kind": getattr(self._library, kind), **dict(zip(names, rest, strict=True))} for kind, *rest in holds]
-        model, dynamics = mechanism.dynamics.described(mechanism.rank)
+        model, dynamics = mechanism.described()
         members = {"holds": self._ffi.new("ncgen_hold[]", rows), "held_model": model, "held_dynamics": dynamics}
         self._kept.append(members)
         self._modes.append(mechanism)
         counts = {"n_velocities": table.n_velocities, "n_holds": len(rows), "n_loads": loads}
-        return {**members, **counts, "held_conditions": self._function(mechanism.conditions)}
+        follows = int(mechanism.friction != 0)
+        return {**members, **counts, "held_conditions": self._function(mechanism.conditions), "follows_loads": follows}
 
     def _modes_in_c(self, holds: bool) -> dict[str, Any]:
         """The modes as C has them; where gaps may be held, an empty one comes first, which no gaps choose."""
@@ -243,7 +259,7 @@ class EventRuns:
             return {"n_modes": 0}
         described: list[dict[str, Any]] = [{"count": 0}]
         for mode in self._modes[1:]:
-            model, dynamics = mode.dynamics.described(mode.rank)
+            model, dynamics = mode.described()
             self._kept.append(dynamics)
             described.append({
                 "count": len(mode.held), "held": self._ints(mode.held), "model": model, "dynamics": dynamics,
@@ -257,7 +273,7 @@ class EventRuns:
         runs, library, ffi = self._runs, self._library, self._ffi
         sizes, rows = [], 0
         for mode in self._modes:
-            model, dynamics = mode.dynamics.described(mode.rank)
+            model, dynamics = mode.described()
             driven = ffi.new("ncgen_driven *", {"model": model, "dynamics": dynamics, "options": runs.driven.options})
             sizes += [library.ncgen_driven_workspace(driven), library.ncgen_workspace(model, dynamics, runs.driven.options)]
             rows = max(rows, mode.dynamics.kernels.m)

@@ -100,7 +100,8 @@ typedef struct ncgen_log {
     int owner;        /* number of the motion */
     int first, found; /* of the present instant its first note, and how it was found */
     int follows;      /* 1: what happens follows from what has happened at this instant */
-    int *due;         /* of each event: 1 where the present instant began with it */
+    int *due;         /* of each condition: 1 where the present instant began with it; and 1 for each of the holds, which a note names by the
+                       * number behind those of conditions, where a lock is closed from the start on */
     int *sampled;     /* NULL, or of each event: 1 where its condition had no bounds somewhere, which a note says as for a load */
     ncgen_real *rows; /* of each note: owner, event, what, how it was found, t, impulse, energy that it took, time until bounces that
                        * accumulate have ended or -1; q, qd before and after (n_coordinates each) */

@@ -93,6 +93,7 @@ static int begin(ncgen_event_runs *runs)
     runs->steps[runs->at] = 0;
     runs->passage.log->owner = (int)runs->at;
     runs->passage.log->found = NCGEN_AT_START;
+    runs->passage.log->follows = 0;
     for (int k = 0; runs->passage.log->sampled && k < runs->events->count; ++k)
         runs->passage.log->sampled[k] = 0;
     for (int k = 0; k < runs->events->count; ++k)

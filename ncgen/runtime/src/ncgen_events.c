@@ -85,6 +85,19 @@ static ncgen_real energy(const ncgen_instant *i)
     return out[0] + out[1];
 }
 
+/* A lock that is closed where a motion begins. */
+static int begin_locked(ncgen_instant *i, int hold)
+{
+    const ncgen_real before = energy(i);
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    const int status = ncgen_lock(i, hold);
+    const ncgen_real lost = before - energy(i);
+    i->moment->work -= lost;
+    if (status == NCGEN_OK)
+        ncgen_note(i->passage->log, i->n, i->moment, i->count + hold, NCGEN_RESTS, i->prior, 0, lost);
+    return status;
+}
+
 /* Locks that an event closes or opens. */
 static int act_on_locks(ncgen_instant *i, int event)
 {
@@ -92,7 +105,7 @@ static int act_on_locks(ncgen_instant *i, int event)
     int status = NCGEN_OK;
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         if (e->actions[k].event == event && e->actions[k].kind == NCGEN_LOCK)
-            status = ncgen_lock(i, e->actions[k].place);
+            status = (event < 0 ? begin_locked : ncgen_lock)(i, e->actions[k].place);
         if (e->actions[k].event == event && e->actions[k].kind == NCGEN_FREE)
             i->p[e->holds[e->actions[k].place].on] = 0;
     }
@@ -104,10 +117,11 @@ static int act(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
     const ncgen_real before = i->passage->log ? energy(i) : 0;
-    int status = act_on_locks(i, event), others = 0;
+    int status, others = 0;
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    status = act_on_locks(i, event);
     if (status == NCGEN_OK)
         status = find_numbers(i);
-    ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         const ncgen_action *a = e->actions + k;
         if (a->event != event || a->kind == NCGEN_IMPACT)
