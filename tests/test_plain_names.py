@@ -36,7 +36,7 @@ HOLDERS = {"place", "places", "what", "part", "given", "own", "share"}
 """Words for anything that stands somewhere or belongs to something: write position, index, argument, kind, fraction, …"""
 
 UNREAD = {
-    "program", "solver",
+    "program",
 }  # fmt: skip
 """Packages in which variables are still to be changed to what `HOLDERS` says; the list only becomes shorter."""
 

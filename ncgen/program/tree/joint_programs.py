@@ -51,10 +51,10 @@ Followed = Mapping[int, tuple[int, float]]
 it is the coordinate's that the programs take and give."""
 
 
-def assemble_joint_space(equations: Terms, followed: Followed, what: Made) -> dict[str, Program]:
+def assemble_joint_space(equations: Terms, followed: Followed, group: Made) -> dict[str, Program]:
     """The programs by name; every coordinate must be that of an element of the tree, or followed."""
     tree = spanning_tree(equations.model)
-    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MAKERS[what]}
+    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MAKERS[group]}
     n, count = len(equations.free), tree.dof
     for program in programs.values():
         verify(program, {"t": 1, "q": n, "p": len(equations.parameters)} | dict.fromkeys(("x", "v", "a", "dx", "dv"), count))

@@ -50,9 +50,9 @@ class JointLoops(Recursion):
         self.wanted = wanted
         super().__init__(equations, None, samples, sizes)
 
-    def programs(self, what: Made) -> dict[str, Program]:
+    def programs(self, group: Made) -> dict[str, Program]:
         """By name."""
-        made = {program.name: program for program in (make(self) for make in MAKERS[what])}
+        made = {program.name: program for program in (make(self) for make in MAKERS[group])}
         rates = self.rates
         lengths = {"t": 1, "q": len(rates.equations.free), "x": rates.count, "p": len(rates.equations.parameters)}
         for program in made.values():

@@ -356,9 +356,9 @@ class _Stage:
         self.mass = kernels.mass_matrix(q, t, p)
         R = self.frame.R
         self.reduced = cho_factor(R.T @ self.mass @ R) if self.nz else None
-        given = {"t": t, "q": q, "qd": qd, "qdd": qdd, "lam": self.lam, "p": p}
+        arguments = {"t": t, "q": q, "qd": qd, "qdd": qdd, "lam": self.lam, "p": p}
         for name in TANGENTS:
-            setattr(self, name, kernels.dense_tangent(name, **given))
+            setattr(self, name, kernels.dense_tangent(name, **arguments))
         if friction := ReactiveForce.only(kernels.model.callbacks):
             by_q, by_qd, by_p = np.split(friction.jacobian(t, q, qd, p), [len(q), 2 * len(q)], axis=1)
             self.stiffness, self.damping, self.balance_p = self.stiffness - by_q, self.damping - by_qd, self.balance_p - by_p

@@ -46,8 +46,8 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
     def made() -> ConstrainedDynamics:
         samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
         tree = open_tree(kernels) if form == "tree" else None
-        part = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
-        return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, part)
+        component = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
+        return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, component)
 
     return kernels.remember("constrained dynamics", (number, form), made)
 

@@ -269,11 +269,11 @@ class EventFunctions:
         if not self.contacts:
             return {}
         numbers = self._call("contact_velocities", at)
-        sizes, n, velocities, place = [len(c.sliding) for c in self.contacts.values()], self.kernels.n, {}, 0
+        sizes, n, velocities, start = [len(c.sliding) for c in self.contacts.values()], self.kernels.n, {}, 0
         slopes = numbers[sum(sizes) :].reshape(sum(sizes), n)
         for k, size in zip(self.contacts, sizes, strict=True):
-            velocities[k] = numbers[place : place + size], slopes[place : place + size]
-            place += size
+            velocities[k] = numbers[start : start + size], slopes[start : start + size]
+            start += size
         return velocities
 
     def place(self, of: Friction | Ratchet | Lock, at: State) -> float:
@@ -290,8 +290,8 @@ class EventFunctions:
 
     def _element(self, where: str, at: State) -> float:
         """The value of an element that is an expression, by its words."""
-        places = self.kernels.remember("places of elements", (), lambda: {words: k for k, (words, _) in enumerate(self._elements)})
-        return float(self._call("element_values", at)[places[where]])
+        indices = self.kernels.remember("places of elements", (), lambda: {words: k for k, (words, _) in enumerate(self._elements)})
+        return float(self._call("element_values", at)[indices[where]])
 
     @cached_property
     def named_values(self) -> list[tuple[str, Scalar]]:
@@ -343,7 +343,7 @@ def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value |
         name=of.name,
         rows=(of.along.position - symbol_of(of.held),),
         static=static,
-        place=(of.held, of.along.initial),
+        anchor=(of.held, of.along.initial),
         pressed=pressed,
     )
 

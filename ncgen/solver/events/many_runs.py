@@ -90,7 +90,7 @@ class ManyRuns:
         self.functions = EventFunctions(kernels)
         self._lock, self._ended, self._done = Lock(), False, 0
         self._searches = self.functions.searches
-        self._told = self._words()
+        self._names_and_words = self._words()
         tolerances = Tolerances.of(self.run, kernels.length, capabilities.rounding("double")).in_c(
             kernels.column_sizes, kernels.column_sizes
         )
@@ -196,14 +196,14 @@ class ManyRuns:
         """Of every number that notes have: a name, and what may happen by the numbers of C, first what an event does."""
         model, functions = self.kernels.model, self.functions
         locking = [[LOCKS[not action.closes] for action in event.do if isinstance(action, Locking)] for event in functions.events]
-        told = [(event.name, (words[-1] if words else "", *GAPS)) for event, words in zip(functions.events, locking, strict=True)]
-        told += [(name, ("", *JOINTS)) for name in model.frictions] + [(name, ("", *RATCHETS)) for name in model.ratchets]
-        return told + [(each.name, ("", *LOCKS)) for each in (self._exported.holdables if self._exported else ())]
+        pairs = [(event.name, (words[-1] if words else "", *GAPS)) for event, words in zip(functions.events, locking, strict=True)]
+        pairs += [(name, ("", *JOINTS)) for name in model.frictions] + [(name, ("", *RATCHETS)) for name in model.ratchets]
+        return pairs + [(each.name, ("", *LOCKS)) for each in (self._exported.holdables if self._exported else ())]
 
     def _happening(self, note: Note) -> Happening:
         search = SEARCHES[note.cause] if note.cause else self._searches[note.event]
-        name, words = self._told[note.event]
-        what = "" if note.impulse > 0 else words[note.transition]
+        name, words = self._names_and_words[note.event]
+        transition = "" if note.impulse > 0 else words[note.transition]
         return Happening(
             t=note.t,
             name=name,
@@ -214,21 +214,21 @@ class ManyRuns:
             impulse=note.impulse,
             energy_lost=note.lost,
             limit=note.limit,
-            what=what,
+            transition=transition,
         )
 
     # -- what C is given ---------------------------------------------------------------------------------------------------------------
 
     def _with_switches(self) -> EventTable:
         """The table of what may be held in one mechanism with switches, which takes the place of the mechanism from here on."""
-        given, motions = self.kernels, self.motions
+        mechanism, motions = self.kernels, self.motions
 
         def made() -> Kernels:
-            return on_demand.compiled(with_switches(given.model), backend="c", effort=given.effort)
+            return on_demand.compiled(with_switches(mechanism.model), backend="c", effort=mechanism.effort)
 
-        self.kernels = kernels = given.remember("with switches", (), made)
+        self.kernels = kernels = mechanism.remember("with switches", (), made)
         p = np.tile(kernels.p0, (len(motions.q), 1))
-        p[:, [kernels.parameters.index(name) for name in given.parameters]] = motions.p
+        p[:, [kernels.parameters.index(name) for name in mechanism.parameters]] = motions.p
         self.motions = replace(motions, p=p)
         return kernels.remember("events with switches", (), lambda: EventTable(kernels, kernels.programs.equations))
 
@@ -240,7 +240,7 @@ class ManyRuns:
         count = functions.count
         return EventsInC(
             directions=[*actions.directions, *[-1] * (count - len(actions.directions))],
-            actions=[(row.event, row.kind, row.place, row.value) for row in rows],
+            actions=[(row.event, row.kind, row.index, row.value) for row in rows],
             law=actions.law,
             most=max(actions.most, count),
             n_values=len(values),

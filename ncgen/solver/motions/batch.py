@@ -188,8 +188,8 @@ def simulate_batch(
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     states = _with_inputs(kernels, states, inputs, run.initial.p)
     if not np.isfinite(states.zd).all(axis=1).any():
-        given = "zd0" if qd0 is None else "qd0"
-        raise ModelError(f"{kernels.name}: {given} has numbers that are not finite in every state; correct them")
+        argument = "zd0" if qd0 is None else "qd0"
+        raise ModelError(f"{kernels.name}: {argument} has numbers that are not finite in every state; correct them")
     with reporting(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as advance:
         return side_by_side(kernels, run, method, states, threads, advance, inputs if run.signals else None)
 
