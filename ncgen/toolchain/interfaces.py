@@ -92,10 +92,10 @@ _parsed_base = once(_parsed)
 def _plain(value: Any) -> Any:
     if isinstance(value, bytes):
         return value.decode("latin-1")
-    return [_plain(part) for part in value] if isinstance(value, tuple) else value
+    return [_plain(member) for member in value] if isinstance(value, tuple) else value
 
 
 def _restored(value: Any) -> Any:
     if isinstance(value, str):
         return value.encode("latin-1")
-    return tuple(_restored(part) for part in value) if isinstance(value, list) else value
+    return tuple(_restored(member) for member in value) if isinstance(value, list) else value
