@@ -96,8 +96,8 @@ def test_a_brake_that_an_input_pulls():
     for pull in (lambda t: 2 * t, ([0.0, 9.0], [0.0, 18.0])):
         batch = together(kernels, 4.0, (0.9, 1.1), qd0={"s": 1.0, "A.x": 1.0}, inputs={"pull": pull})
         for events, v in zip(batch.events, (0.9, 1.1), strict=True):
-            seen = [(each.what, each.t) for each in events if each.t > 0]
-            assert [what for what, _ in seen] == ["sticks", "slips"]
+            seen = [(each.transition, each.t) for each in events if each.t > 0]
+            assert [transition for transition, _ in seen] == ["sticks", "slips"]
             assert [t for _, t in seen] == pytest.approx([1.0, 10 * v / 3], rel=1e-9)
 
 
@@ -108,7 +108,7 @@ def test_a_push_that_jumps_beyond_static_friction_starts_a_joint_and_nothing_els
     run = ncgen.simulate(kernels, 1.9, p={"v": 1.0}, rtol=1e-9)
     expected = [("s.friction", "sticks", 0.0), ("s.friction", "slips", 1.0), ("s.stop.upper", "", 1.0 + math.sqrt(4 / 9.8))]
     for events in (batch.events[0], run.events):
-        assert [(each.name, each.what, pytest.approx(each.t, rel=1e-9)) for each in events[:3]] == expected
+        assert [(each.name, each.transition, pytest.approx(each.t, rel=1e-9)) for each in events[:3]] == expected
 
 
 def test_neighbours_and_threads_make_no_difference():
