@@ -6,7 +6,7 @@ compiled when a motion first needs it. What C cannot carry out is left to a run 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from threading import Lock
@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 
 from ncgen.errors import NcgenError
+from ncgen.mechanism.break_times import break_times
+from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
+from ncgen.mechanism.driving import InputPieces
 from ncgen.mechanism.event_runs import EventRuns, EventsInC, HeldGaps, MotionRows, Note
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.listening import REACTION, Listener
 from ncgen.mechanism.program_functions import CompiledFunctions
 from ncgen.mechanism.program_functions import functions as functions_of
-from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.method import Method
 from ncgen.methods.table import number_in_c
 from ncgen.model.actions import Change, Impact, Locking, Stop
@@ -43,7 +45,7 @@ from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, LOCKS, RATCHETS, Happening, Search
 
 CHUNK = 16
-"""MotionRows of one call of C, between which a batch can be ended and says how far it has come."""
+"""Motions of one call of C, between which a batch can be ended and says how far it has come."""
 
 SEARCHES: tuple[Search, ...] = ("polynomial", "start", "action", "sampled")
 """How an event was found, by the numbers of C; the first one is what the condition allows."""
@@ -56,8 +58,8 @@ def refusal_in_c(kernels: Kernels) -> str | None:
         return f"{next(iter(model.contacts))} is held in Python"
     if not all(isinstance(action, (Change, Impact, Locking, Stop)) for event in model.events.values() for action in event.do):
         return "an event does what no table can say"
-    if model.callbacks or model.branches or time_laws(kernels).has_breaks:
-        return "the mechanism calls Python functions, or has laws with breaks"
+    if model.callbacks or model.branches:
+        return "the mechanism calls Python functions, or chooses its rows anew between steps"
     if len(kernels.holonomic) < kernels.m or refusal_of_multipliers(kernels):
         return "there are rolling conditions, or more unknowns than are emitted"
     if Actions.of(kernels).changed(kernels) & judged_parameters(kernels):
@@ -69,7 +71,7 @@ def refusal_in_c(kernels: Kernels) -> str | None:
 
 @dataclass(eq=False, kw_only=True)
 class ManyRuns:
-    """MotionRows of a mechanism over the times of a run.
+    """Motions of a mechanism over the times of a run.
 
     carried: {number of a motion that C carried out: its events}
     """
@@ -81,6 +83,7 @@ class ManyRuns:
     carried: dict[int, tuple[Happening, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._drive()
         model = self.kernels.model
         self._exported = self._with_switches() if model.frictions or model.ratchets or model.locks else None
         kernels = self.kernels
@@ -99,16 +102,29 @@ class ManyRuns:
             **compiled.settings_in_c(self.method.options), **tolerances,
         }  # fmt: skip
         if kernels.model.beginnings and not self._exported:
+            driven = EventFunctions(kernels.driven_by(self.run.signals))
             for i, p in enumerate(self.motions.p):
-                for name, value in self.functions.beginnings(self._start(i)).items():
+                for name, value in driven.beginnings(self._start(i)).items():
                     p[kernels.parameters.index(name)] = value
+
+    def _drive(self) -> None:
+        """Give the motions what drives them: inputs, and the breaks of their laws. Drivers whose velocity jumps are left to single runs."""
+        kernels, motions, signals = self.kernels, self.motions, self.run.signals
+        laws, ends = signals.laws if signals else (), motions.times[[0, -1]].tolist()
+        breaks = [break_times(kernels, p, *ends, laws) for p in motions.p]
+        self._left = set[int]()
+        if may_jump(kernels):
+            self._left = {i for i, each in enumerate(breaks) if has_driver_jumps(kernels, motions.p[i], motions.q[i], each)}
+        if any(laws) or any(map(len, breaks)):
+            self.motions = replace(motions, inputs=signals.functions if signals else (), breaks=breaks)
 
     def carry_out(self, threads: int, progress: Callable[[float], None] | None) -> None:
         """All of them. Raises what is raised meanwhile, with those that are done in `carried`."""
         count = len(self.motions.q)
         ends = [*range(0, count, CHUNK), count]
         chunks = iter(list(zip(ends[:-1], ends[1:], strict=True)))
-        workers = min(threads, len(ends) - 1)
+        asks_python = any(callable(each) and not isinstance(each, InputPieces) for each in self.motions.inputs)
+        workers = 1 if asks_python else min(threads, len(ends) - 1)
         if workers == 1:
             self._work(chunks, progress)
             return
@@ -149,7 +165,7 @@ class ManyRuns:
 
     def _carry(self, runs: EventRuns, first: int, last: int) -> None:
         notes: dict[int, list[Note]] = {i: [] for i in range(first, last)}
-        refused: set[int] = set()
+        refused = set(self._left)
 
         def read() -> bool:
             new = runs.notes()
@@ -157,16 +173,24 @@ class ManyRuns:
                 notes[note.owner].append(note)
             return bool(new)
 
-        runs.take(first, last)
-        while (status := runs.go_on()) != "ok":
-            if (status == "full" and read()) or (status == "mode" and self._adds(runs)):
-                continue
-            refused.add(runs.at)
-            runs.skip()
+        for k, end in self._without_jumps(first, last):
+            runs.take(k, end)
+            while (status := runs.go_on()) != "ok":
+                if (status == "full" and read()) or (status == "mode" and self._adds(runs)):
+                    continue
+                refused.add(runs.at)
+                runs.skip()
         read()
         for i in range(first, last):
             if i not in refused:
                 self.carried[i] = tuple(map(self._happening, notes[i]))
+
+    def _without_jumps(self, first: int, last: int) -> Iterator[tuple[int, int]]:
+        """The parts of a chunk between motions that are left to single runs."""
+        for end in [*(i for i in sorted(self._left) if first <= i < last), last]:
+            if first < end:
+                yield first, end
+            first = end + 1
 
     def _words(self) -> list[tuple[str, tuple[str, ...]]]:
         """Of every number that notes have: a name, and what may happen by the numbers of C, first what an event does."""

@@ -217,10 +217,10 @@ def side_by_side(
     run: its times and tolerances; threads, progress: as of `simulate`; inputs: what changes with time, which lanes cannot follow
     """
     events: dict[int, tuple[Happening, ...]] = {}
-    if inputs:
+    if has_events(kernels.model):
+        done, events = through_events(kernels, run, method, states, threads, progress, inputs)
+    elif inputs:
         done = not_begun(run, states)
-    elif has_events(kernels.model):
-        done, events = through_events(kernels, run, method, states, threads, progress)
     else:
         done = _begun(kernels, run, method, states, threads, progress)
     exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))
