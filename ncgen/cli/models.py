@@ -194,9 +194,9 @@ def run(
 
     def check(loaded: Model) -> None:
         arguments["p"] = with_model_parameters(loaded, arguments["p"])
-        asked = check_simulation(loaded, **arguments)
+        checked = check_simulation(loaded, **arguments)
         if backend != "numpy" and engine != "python":
-            compiling.append(compiling_thread(component=expected_component(loaded, asked)))
+            compiling.append(compiling_thread(component=expected_component(loaded, checked)))
             compiling[0].start()
 
     kernels, sources, seconds = _compiled(model, robot, backend, emission, check, lists_left_out=not json_output)

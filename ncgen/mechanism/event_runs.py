@@ -29,7 +29,7 @@ class EventsInC:
 
     actions: (event, name of its kind in C, place, value); law: of several impacts, its name in C; most: velocities that one event sets, or
     the number of events if that is more; n_values: numbers that actions set; watched: the conditions; noise: of these within a step
-    slopes, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed, in modes
+    derivatives, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed, in modes
     held: what may be held, the members of `ncgen_hold`, the mechanism for it, and how many conditions its loads have; None: modes
     n_velocities: so many conditions, the last ones, are those of joints
     """
@@ -41,7 +41,7 @@ class EventsInC:
     n_values: int
     watched: Conditions
     noise: float
-    slopes: int
+    derivatives: int
     rates: int
     values: int
     holds: bool
@@ -251,7 +251,7 @@ class EventRuns:
         return {
             "count": table.count, "most": table.most, "n_actions": len(rows), "law": getattr(self._library, table.law),
             "directions": self._ints(table.directions), "actions": actions, "conditions": self._function(table.watched.function or 0),
-            "slopes": self._function(table.slopes), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
+            "derivatives": self._function(table.derivatives), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
             "values": self._function(table.values), "noise": table.noise, **(self._held_in_c(table) or self._modes_in_c(table.holds)),
         }  # fmt: skip
 

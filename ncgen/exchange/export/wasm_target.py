@@ -19,7 +19,7 @@ CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD 
 """What the wrapper calls its constants: no class can be called so."""
 
 FUNCTIONS = (
-    "phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches", "conditions", "condition_slopes", "condition_rates",
+    "phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches", "conditions", "condition_derivatives", "condition_rates",
     "action_values", "held_phi", "held_phi_q", "held_nu", "held_gamma", "held_conditions",
     "friction_forces",
 )  # fmt: skip

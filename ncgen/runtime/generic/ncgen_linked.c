@@ -6,7 +6,7 @@
 #include "ncgen_state.h"
 
 enum { HEAD = 39, FIRST_FUNCTION = 21, MOST_STEPS = 1000000, AXES = 3 };
-enum { PHI, PHI_Q, NU, GAMMA, MASS, FORCE, ENERGY, SWITCHES, CONDITIONS, SLOPES, RATES, VALUES };
+enum { PHI, PHI_Q, NU, GAMMA, MASS, FORCE, ENERGY, SWITCHES, CONDITIONS, DERIVATIVES, RATES, VALUES };
 enum { HELD_PHI = 12, HELD_PHI_Q, HELD_NU, HELD_GAMMA, HELD_CONDITIONS, FRICTION };
 enum { COUNT = 10, MOST, ACTIONS, LAW, SET_NUMBERS, DEGREE, N_EVENTS, HOLDS, LOADS, OWN, HELD_ROWS, ACTION_SIZE = 4, HOLD_SIZE = 7 };
 enum { TIME, WORK, POWER, NEXT_STEP, STATE };
@@ -185,7 +185,7 @@ static void read_events(const int *integers, const int *at)
     watched.sampled = taken(&at, events.count);
     events.actions = (const ncgen_action *)(const void *)taken(&at, ACTION_SIZE * events.n_actions);
     events.conditions = watched.function = at_velocity(integers, CONDITIONS);
-    events.slopes = at_velocity(integers, SLOPES);
+    events.derivatives = at_velocity(integers, DERIVATIVES);
     events.rates = (ncgen_forced_kernel *)(size_t)number_of(integers, RATES);
     events.values = at_velocity(integers, VALUES);
     watched.degree = integers[DEGREE];

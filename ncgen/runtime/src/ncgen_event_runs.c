@@ -30,7 +30,7 @@ typedef struct ncgen_kept {
     int row, notes, mode, stopped;
 } ncgen_kept;
 
-static size_t apart(const ncgen_event_runs *runs)
+static size_t rows_size(const ncgen_event_runs *runs)
 {
     return (size_t)runs->n_times * (size_t)runs->driven.model->n_coordinates;
 }
@@ -114,7 +114,7 @@ static int begin(ncgen_event_runs *runs)
     runs->row = 0;
     runs->steps[runs->at] = 0;
     runs->passage.log->owner = (int)runs->at;
-    runs->passage.log->found = NCGEN_AT_START;
+    runs->passage.log->cause = NCGEN_AT_START;
     runs->passage.log->follows = 0;
     for (int k = 0; runs->passage.log->sampled && k < runs->events->count; ++k)
         runs->passage.log->sampled[k] = 0;
@@ -130,7 +130,7 @@ static int begin(ncgen_event_runs *runs)
         status = NCGEN_LOG_FULL;
     if (status != NCGEN_OK)
         runs->passage.log->count = notes;
-    runs->passage.log->found = NCGEN_WATCHED;
+    runs->passage.log->cause = NCGEN_WATCHED;
     return status;
 }
 
@@ -138,7 +138,7 @@ static int begin(ncgen_event_runs *runs)
 static void take_rows(ncgen_event_runs *runs, int first, int rows)
 {
     const int n = runs->driven.model->n_coordinates;
-    const size_t start = (size_t)runs->at * apart(runs);
+    const size_t start = (size_t)runs->at * rows_size(runs);
     for (int k = first; k < rows; ++k, ++runs->row) {
         const size_t from = (size_t)k * (size_t)n, to = start + (size_t)runs->row * (size_t)n;
         ncgen_copy(n, runs->part_q + from, runs->out_q + to);
@@ -228,7 +228,7 @@ static void finish(ncgen_event_runs *runs)
     while (runs->row > 0 && *runs->passage.stopped && runs->times[runs->row - 1] >= moment->t)
         --runs->row;
     for (; runs->row < runs->n_times && !(runs->times[runs->row] > moment->t); ++runs->row) {
-        const size_t to = (size_t)runs->at * apart(runs) + (size_t)runs->row * (size_t)n;
+        const size_t to = (size_t)runs->at * rows_size(runs) + (size_t)runs->row * (size_t)n;
         ncgen_copy(n, moment->q, runs->out_q + to);
         ncgen_copy(n, moment->qd, runs->out_qd + to);
         runs->out_work[runs->at * runs->n_times + runs->row] = moment->work;

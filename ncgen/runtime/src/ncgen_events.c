@@ -20,7 +20,7 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->values = ncgen_take(&space, 2 * count);
     i->before = ncgen_take(&space, 2 * count);
     i->scales = ncgen_take(&space, count);
-    i->slopes = ncgen_take(&space, count * (2 * n + 1));
+    i->derivatives = ncgen_take(&space, count * (2 * n + 1));
     i->responses = ncgen_take(&space, events->most * (n + 1));
     i->G = ncgen_take(&space, count * count);
     i->velocities = ncgen_take(&space, count);
@@ -51,16 +51,16 @@ int ncgen_look(ncgen_instant *i)
     const ncgen_moment *m = i->moment;
     int status = i->events->conditions(m->t, m->q, m->qd, i->p, i->values);
     if (status == NCGEN_OK)
-        status = i->events->slopes(m->t, m->q, m->qd, i->p, i->slopes);
+        status = i->events->derivatives(m->t, m->q, m->qd, i->p, i->derivatives);
     for (int k = 0; k < i->count; ++k) {
         i->scales[k] = i->values[2 * k + 1];
         for (int j = 0; j < i->n; ++j)
-            i->scales[k] += NCGEN_ABS(i->slopes[(size_t)k * (size_t)(2 * i->n + 1) + (size_t)j]) * i->d->dynamics->column_sizes[j];
+            i->scales[k] += NCGEN_ABS(i->derivatives[(size_t)k * (size_t)(2 * i->n + 1) + (size_t)j]) * i->d->dynamics->column_sizes[j];
     }
     for (int k = n_events(i); k < i->count; ++k) {
-        ncgen_real *slopes = i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
-        ncgen_copy(i->n, slopes + i->n, slopes);
-        slopes[2 * i->n] = 0;
+        ncgen_real *derivatives = i->derivatives + (size_t)k * (size_t)(2 * i->n + 1);
+        ncgen_copy(i->n, derivatives + i->n, derivatives);
+        derivatives[2 * i->n] = 0;
     }
     return status;
 }

@@ -192,7 +192,7 @@ class EventFunctions:
         return self._slopes(at)[:, self.kernels.n : 2 * self.kernels.n]
 
     def _slopes(self, at: State) -> np.ndarray:
-        return self._call("condition_slopes", at).reshape(self.count, 2 * self.kernels.n + 1)
+        return self._call("condition_derivatives", at).reshape(self.count, 2 * self.kernels.n + 1)
 
     def rates(self, at: State, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivatives along the motion (C,), the second of conditions without velocities; qdd (n,): accelerations."""
@@ -219,7 +219,7 @@ class EventFunctions:
         return by_event
 
     def _call(self, name: str, at: State) -> np.ndarray:
-        if not self.count and name in ("conditions", "condition_slopes"):
+        if not self.count and name in ("conditions", "condition_derivatives"):
             return np.empty(0)
         last, numbers = self._last.get(name, (None, None))
         if last is not at or numbers is None:
@@ -316,7 +316,7 @@ class EventFunctions:
         count = len(conditions)
         sizes = {
             "conditions": 2 * count,
-            "condition_slopes": count * (2 * kernels.n + 1),
+            "condition_derivatives": count * (2 * kernels.n + 1),
             "condition_rates": 2 * count,
             "action_values": len(values),
             "element_values": len(self._elements),

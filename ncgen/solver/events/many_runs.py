@@ -235,7 +235,7 @@ class ManyRuns:
     @property
     def _table(self) -> EventsInC:
         functions, actions, exported = self.functions, Actions.of(self.kernels), self._exported
-        address = {name: functions.address(name) for name in ("condition_slopes", "condition_rates")}
+        address = {name: functions.address(name) for name in ("condition_derivatives", "condition_rates")}
         rows, values = (exported.rows, exported.values) if exported else (actions.rows, actions.values)
         count = functions.count
         return EventsInC(
@@ -246,7 +246,7 @@ class ManyRuns:
             n_values=len(values),
             noise=actions.noise,
             watched=functions.watched(np.zeros(count), None, functions.directions, None),
-            slopes=address["condition_slopes"],
+            derivatives=address["condition_derivatives"],
             rates=address["condition_rates"],
             values=self._values(values),
             holds=bool(functions.rows),
