@@ -1,4 +1,4 @@
-"""Templates of forces: of the types of the catalogue, with laws of the user's in their place, and written out by the user."""
+"""Templates of forces: of the catalogue's types, with laws of the user's in their place, and from the user's own expressions."""
 
 from __future__ import annotations
 
