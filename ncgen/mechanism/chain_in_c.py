@@ -90,7 +90,7 @@ class Chain:
         def failed(kind: type[BaseException], raised: BaseException, traceback: object) -> None:
             self._raised.append(raised)
 
-        return self._ffi.callback("int(void *)", call, error=DOMAIN, onerror=failed)
+        return self._ffi.callback("int(*)(void *)", call, error=DOMAIN, onerror=failed)
 
 
 def is_zero(value: float, scale: float) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions, Watched
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+from ncgen.mechanism.driving import Driver, Function, InputPieces
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.runtime_library import event_runtime
 from ncgen.toolchain.abi import NUMBERS, InC
@@ -28,7 +29,7 @@ class EventsInC:
 
     actions: (event, name of its kind in C, place, value); law: of several impacts, its name in C; most: velocities that one event sets, or
     the number of events if that is more; n_values: numbers that actions set; watched: the conditions; noise: of these within a step
-    slopes, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed, in modes
+    derivatives, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed, in modes
     held: what may be held, the members of `ncgen_hold`, the mechanism for it, and how many conditions its loads have; None: modes
     n_velocities: so many conditions, the last ones, are those of joints
     """
@@ -40,7 +41,7 @@ class EventsInC:
     n_values: int
     watched: Conditions
     noise: float
-    slopes: int
+    derivatives: int
     rates: int
     values: int
     holds: bool
@@ -104,9 +105,10 @@ class Note:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MotionRows:
-    """Where motions begin and what becomes of them.
+    """Where motions begin, what drives them, and what becomes of them.
 
     times (points,): s; q, qd (B, n), p (B, n_p): starts; out_q, out_qd (B, points, n), out_work (B, points)
+    inputs: as of `Dynamics.simulate`, the same for all; breaks (B,): of each those of its laws (K, 2), s; () where nothing depends on time
     rows, steps (B,): how many there are; ended (B,): s
     """
 
@@ -120,6 +122,8 @@ class MotionRows:
     rows: np.ndarray
     steps: np.ndarray
     ended: np.ndarray
+    inputs: Sequence[InputPieces | Function | None] = ()
+    breaks: Sequence[np.ndarray] = ()
 
 
 class EventRuns:
@@ -140,7 +144,8 @@ class EventRuns:
         kernels = mechanism.dynamics.kernels
         self._n, self._n_p, self._modes = kernels.n, len(kernels.p0), [mechanism]
         self._wanted, self._mode, self._stopped = self._integers(2 * table.count), self._integers(1), self._integers(1)
-        settings = self._settings(options, sizes)
+        driving = self._driving(motions)
+        settings = self._settings({**options, "signals": driving["signals"]} if driving else options, sizes)
         self._events = self._new("ncgen_events *", **self._described(table))
         self._rows = np.zeros((NOTES, STATE + 3 * self._n))
         sampled = self._watched.struct.formulas.sampled if self._watched.struct.formulas else self._ffi.NULL
@@ -149,7 +154,9 @@ class EventRuns:
         model, described = mechanism.described()
         self._kept.append(described)
         driven = {"model": model, "dynamics": described, "options": settings}
-        self._runs = self._new("ncgen_event_runs *", driven=driven, events=self._events, passage=self._passage(), **self._room_of(motions))
+        self._runs = self._new(
+            "ncgen_event_runs *", driven=driven, events=self._events, passage=self._passage(), **self._room_of(motions), **driving
+        )
         self._make_room()
 
     # -- memory ----------------------------------------------------------------------------------------------------------------------------
@@ -196,6 +203,16 @@ class EventRuns:
         callbacks = {"progress": watch("double"), "context": self._context, "attempts_left": self.listener.attempts}
         return self._new("ncgen_options *", event=self._watched.struct, **callbacks, **more, **options)
 
+    def _driving(self, motions: MotionRows) -> dict[str, Any]:
+        """What drives motions; {} where nothing does."""
+        if not any(motions.inputs) and not any(map(len, motions.breaks)):
+            return {}
+        driver, ends = Driver(motions.inputs, NUMBERS["double"]), [np.ravel(each) for each in motions.breaks]
+        signals = driver.signals(self._library.ncgen_piecewise_inputs)
+        self._kept += [driver, signals]
+        first = np.cumsum([0, *map(len, ends)])
+        return {"signals": signals, "first_break": self._ints(first), "breaks": self._reals(np.concatenate([*ends, [0.0]]))}
+
     def _passage(self) -> dict[str, Any]:
         """What C knows of the events of the present motion."""
         table, count = self._table, self._table.count
@@ -234,7 +251,7 @@ class EventRuns:
         return {
             "count": table.count, "most": table.most, "n_actions": len(rows), "law": getattr(self._library, table.law),
             "directions": self._ints(table.directions), "actions": actions, "conditions": self._function(table.watched.function or 0),
-            "slopes": self._function(table.slopes), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
+            "derivatives": self._function(table.derivatives), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
             "values": self._function(table.values), "noise": table.noise, **(self._held_in_c(table) or self._modes_in_c(table.holds)),
         }  # fmt: skip
 

@@ -18,7 +18,6 @@ from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
-from cffi import FFI
 from numpy.typing import ArrayLike
 
 from ncgen.emit.c.files import model_files
@@ -226,7 +225,7 @@ class _Loop:
 
 
 def in_lanes(
-    files: dict[str, str], declarations: str, base: FFI, width: int | None = None, flags: tuple[str, ...] = LANES
+    files: dict[str, str], declarations: str, base: Interface, width: int | None = None, flags: tuple[str, ...] = LANES
 ) -> tuple[Interface, InC]:
     """(interface, library) of emitted sources with vectors for numbers; other arguments as for `load`.
 
@@ -238,7 +237,7 @@ def in_lanes(
 
 
 @once
-def load(names: tuple[str, ...], declarations: str, flags: tuple[str, ...], base: FFI) -> tuple[Interface, InC, bool]:
+def load(names: tuple[str, ...], declarations: str, flags: tuple[str, ...], base: Interface) -> tuple[Interface, InC, bool]:
     """(interface, library, whether it has threads) of ncgen_batch.c with other files of the runtime for many states.
 
     It stays loaded: OpenMP keeps its threads until the process ends, and their code must not go before them.

@@ -9,8 +9,6 @@ from pathlib import Path
 from threading import Thread
 from typing import Literal, TypeAlias
 
-from cffi import FFI
-
 from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime_files import (
@@ -37,9 +35,10 @@ from ncgen.mechanism.in_python import model_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.recall import Files, shared
 from ncgen.methods.table import AUTO, find_integrator
-from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
+from ncgen.toolchain.abi import NUMBERS, InC, declared, runtime_abi
 from ncgen.toolchain.cache import Sibling, compiled
 from ncgen.toolchain.compilers import FLAGS, flags_for
+from ncgen.toolchain.interfaces import Interface, interface
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
 
@@ -93,10 +92,7 @@ def load_with_headers(files: dict[str, str], number: str, declarations: str) -> 
 @once
 def interface_of(number: str) -> Interface:
     """What passes arguments to the runtime."""
-    ffi = FFI()
-    ffi.include(runtime_abi(number))
-    ffi.cdef("".join(declared(file, "functions") for file in HEADERS_OF_FUNCTIONS))
-    return ffi
+    return interface("".join(declared(file, "functions") for file in HEADERS_OF_FUNCTIONS), runtime_abi(number))
 
 
 @once
@@ -108,12 +104,9 @@ def runtime_of(number: str, component: Part) -> InC:
 @once
 def event_runtime() -> tuple[Interface, InC]:
     """What carries many motions through their events, and what passes arguments to it."""
-    ffi = FFI()
-    ffi.include(runtime_abi("double"))
-    ffi.cdef(declared("ncgen_event_table.h", "table") + declared("ncgen_event_runs.h"))
-    ffi.cdef("".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_event_runs.h")))
-    for name in ("ncgen_action", "ncgen_mode", "ncgen_hold", "ncgen_events", "ncgen_log", "ncgen_event_runs"):
-        ffi.sizeof(name)
+    types = declared("ncgen_event_table.h", "table") + declared("ncgen_event_runs.h")
+    functions = [declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_event_runs.h")]
+    ffi = interface("".join([types, *functions]), runtime_abi("double"))
     return ffi, opened_by(ffi, _library("double", "event runs"))
 
 
@@ -130,9 +123,7 @@ def _library(number: str, component: Part) -> Path:
 @once
 def formula_walker(number: str) -> int:
     """The address of `ncgen_walk_formula`, in a library of its own, which few models need."""
-    ffi = FFI()
-    ffi.include(runtime_abi(number))
-    ffi.cdef("ncgen_formula_walker ncgen_walk_formula;")
+    ffi = interface("ncgen_formula_walker ncgen_walk_formula;", runtime_abi(number))
     files = shared("formulas", lambda: runtime_files(*formula_names()))
     library = opened_by(ffi, compiled(files, (*FLAGS, *NUMBERS[number].flags)).library)
     _walkers.append(library)

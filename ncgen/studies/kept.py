@@ -73,7 +73,7 @@ class Kept:
 
     def of_events(self, happened: Sequence[Happening]) -> float:
         """What is kept of the events of a run. NaN of an event that does not happen has a time."""
-        events = [each for each in happened if self.name in (f"{each.name} {each.what}".strip(), each.name if each.what in BY_NAME else "")]
+        events = [each for each in happened if self.name in (each.label, each.name if each.transition in BY_NAME else "")]
         if self.over == "first_time":
             return events[0].t if events else np.nan
         return float(len(events) if self.over == "count" else sum(getattr(each, self.over) for each in events))

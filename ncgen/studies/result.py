@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError, counted
-from ncgen.files import output_was, path_of, write_text, writing
+from ncgen.files import argument_was, path_of, write_text, writing
 from ncgen.solver.given import echo, offer
 from ncgen.studies.indices import Indices, indices
 from ncgen.studies.study_folder import Folder
@@ -176,7 +176,7 @@ class StudyResult:
             arrays[name] = ((*dims, "t")[: len(shape) + values.ndim - 1], values.reshape(*shape, *values.shape[1:]))
         return xarray.Dataset(arrays, {**axes, **({"t": self.times} if len(self.times) else {})}, {"model": self.about["model"]})
 
-    @output_was("path")
+    @argument_was("path")
     def to_parquet(self, output: str | os.PathLike[str]) -> Path:
         """Write the table as a Parquet file, a part of the study at a time.
 
@@ -208,7 +208,7 @@ class StudyResult:
                 writer.write_table(batch)
         return target
 
-    @output_was("path")
+    @argument_was("path")
     def to_csv(self, output: str | os.PathLike[str]) -> Path:
         """Write the table with a header line and every digit.
 
@@ -275,7 +275,7 @@ class StudyResult:
     @overload
     def plot(self, output: str | os.PathLike[str], names: str | Iterable[str] | None = None) -> Path: ...
 
-    @output_was("path")
+    @argument_was("path")
     def plot(self, output: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None) -> Figure | Path:
         """Plot columns: envelopes of histories, heat maps of a grid of two, points over what varied, or parallel coordinates.
 

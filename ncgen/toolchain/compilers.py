@@ -23,7 +23,7 @@ from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 
-from cffi import FFI
+import _cffi_backend
 
 from ncgen.errors import CompileError
 from ncgen.files import opened
@@ -316,7 +316,7 @@ def unloadable(library: Path) -> str | None:
     """Why this process cannot load a library, in words; None if it can."""
     if _is_cut(library):
         return "it is not whole"
-    ffi = FFI()
+    ffi = _cffi_backend.FFI()
     try:
         ffi.dlclose(ffi.dlopen(str(library)))
     except OSError as error:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import NcgenError
-from ncgen.files import output_was, path_of, write_text
+from ncgen.files import argument_was, path_of, write_text
 from ncgen.model.elements import Point
 from ncgen.view.carriers import Carrier, Direction
 from ncgen.view.eye import LIGHT_DIRECTION
@@ -55,7 +55,7 @@ class Page:
             f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
         )
 
-    @output_was("path")
+    @argument_was("path")
     def save(self, output: str | os.PathLike[str]) -> Path:
         """Write the page.
 

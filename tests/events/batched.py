@@ -13,7 +13,7 @@ from ncgen.solver.trajectories.happening import Happening
 
 
 def told(events: Sequence[Happening]) -> list[tuple[object, ...]]:
-    return [(each.name, each.what, each.search, each.limit is None) for each in events]
+    return [(each.name, each.transition, each.search, each.limit is None) for each in events]
 
 
 def numbers(events: Sequence[Happening]) -> np.ndarray:

@@ -139,7 +139,7 @@ def test_what_is_held_is_what_it_is_alone(scene, monkeypatch):
     model, seconds, start, values, happens = SCENES[scene]
     kernels = ncgen.compile(model())
     batch = together(kernels, seconds, values, **start)
-    assert {each.what for events in batch.events for each in events} >= happens
+    assert {each.transition for events in batch.events for each in events} >= happens
     for close in (1e-9, 1e-6):
         form_of = acceleration_forms.form_of
         if close < 1e-6:
@@ -169,7 +169,7 @@ def test_a_clutch_takes_what_the_closed_form_says():
     batch = together(ncgen.compile(closed_clutch()), 0.1, (0.5,), qd0={"psi1": 10.0, "psi2": 0.0})
     lost = 0.5 * 10.0**2 / (1 / 2 + 4 / 3)
     (closes,) = batch.events[0]
-    assert (closes.name, closes.what, closes.search) == ("clutch", "locks", "start")
+    assert (closes.name, closes.transition, closes.search) == ("clutch", "locks", "start")
     assert closes.energy_lost == pytest.approx(lost, rel=1e-12) and batch.work[0, -1] == pytest.approx(-lost, rel=1e-12)
 
 
@@ -180,7 +180,7 @@ def test_models_that_differ_by_their_static_friction_alone():
         m.torque(s, m.parameter("v", 1.0) * m.time)
         m.friction(s, coulomb=1.0, static=static)
         batch = together(ncgen.compile(m), 4.0, (1.0,))
-        assert [(each.what, pytest.approx(each.t, rel=1e-10)) for each in batch.events[0]] == [("sticks", 0.0), ("slips", static)]
+        assert [(each.transition, pytest.approx(each.t, rel=1e-10)) for each in batch.events[0]] == [("sticks", 0.0), ("slips", static)]
 
 
 def test_a_lock_that_contradicts_a_driver_is_reported_as_alone():

@@ -64,8 +64,8 @@ def test_gaps_that_rest_and_leave():
     batch = ncgen.simulate(ncgen.compile(m), 4.0, p={"e": np.array([0.0, 0.3, 0.5])})
     assert batch.ok.all() and not batch.alone.any()
     for events in batch.events:
-        rests, leaves = (each for each in events if each.what)
-        assert (rests.what, leaves.what, leaves.search) == ("rests", "leaves", "sampled") and rests.limit is not None
+        rests, leaves = (each for each in events if each.transition)
+        assert (rests.transition, leaves.transition, leaves.search) == ("rests", "leaves", "sampled") and rests.limit is not None
         assert leaves.t == pytest.approx(G / 4, rel=1e-9)
     assert batch.q[:, -1, 0] == pytest.approx(2 * (4.0 - G / 4) ** 3 / 3, rel=1e-7)
 
@@ -152,7 +152,7 @@ def test_joints_that_stick_are_what_they_are_alone(model, seconds, values, close
     assert batch.ok.all() and not batch.alone.any()
     for i, v in enumerate(values):
         run = ncgen.simulate(kernels, seconds, points=7, p={"v": v}, rtol=1e-9, integrator="dopri5", z=batch.independent)
-        assert told(batch.events[i]) == told(run.events) and any(each.what for each in run.events)
+        assert told(batch.events[i]) == told(run.events) and any(each.transition for each in run.events)
         assert numbers(batch.events[i]) == pytest.approx(numbers(run.events), rel=close, abs=close)
         assert batch.q[i] == pytest.approx(run.q, abs=close) and batch.work[i] == pytest.approx(run.work, abs=close)
 

@@ -8,7 +8,6 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from cffi import FFI
 
 from ncgen.exchange.examples import example_module, example_names
 from ncgen.mechanism.kernels import Kernels
@@ -19,6 +18,7 @@ from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import Partitions, partitions_for
 from ncgen.toolchain.abi import abi
 from ncgen.toolchain.cache import BuiltLibrary, compiled
+from ncgen.toolchain.loader import opened
 
 KERNELS = ("phi", "phi_q", "gamma")
 
@@ -67,11 +67,8 @@ def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[
     sizes: how many numbers each kernel writes; symbol: its name in C, with {} for the kernel's
     """
     built = compiled(files)
-    ffi = FFI()
-    ffi.include(abi())
-    for name in sizes:
-        ffi.cdef(f"ncgen_{'velocity' if name == 'gamma' else 'position'}_kernel {symbol.format(name)};")
-    library: Any = ffi.dlopen(str(built.library))  # cffi's stubs know no functions of a library
+    kinds = {name: "velocity" if name == "gamma" else "position" for name in sizes}
+    ffi, library = opened(built.library, "".join(f"ncgen_{kinds[name]}_kernel {symbol.format(name)};" for name in sizes), abi())
     return {name: KernelCall(ffi.addressof(library, symbol.format(name)), size, library) for name, size in sizes.items()}, built
 
 

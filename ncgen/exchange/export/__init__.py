@@ -15,7 +15,7 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 from ncgen.errors import ModelError
-from ncgen.files import output_was, path_of, write_bytes
+from ncgen.files import argument_was, path_of, write_bytes
 from ncgen.model.model import checked_model
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def _package(model: Model, events: bool) -> Package:
     return package(model, events)
 
 
-@output_was("folder")
+@argument_was("folder")
 def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] = ()) -> list[Path]:
     """Write a mechanism for use without ncgen.
 

@@ -18,7 +18,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines
 from ncgen.program.tree.joint_programs import POSITION, Made
-from ncgen.program.tree.tree_motion import TreePlace
+from ncgen.program.tree.tree_motion import TreeGeometry
 from ncgen.solver.joints.joint_loops import JointsInLoops
 from ncgen.solver.joints.joint_space import JointSpace, joint_space
 
@@ -79,7 +79,7 @@ def _poses(space: JointSpace, frames: Mapping[str, BodyFrame]) -> Program:
     """joint_frames(t, q, p) -> of every frame its position, and its rotation row by row: 12 numbers."""
     model, equations = space.kernels.model, space.kernels.programs.equations
     lines = Lines(equations)
-    tree, outputs = TreePlace(lines, space.tree), list[int]()
+    tree, outputs = TreeGeometry(lines, space.tree), list[int]()
     for frame in frames.values():
         if frame.body == model.ground.name:
             numbers = [*frame.position, *frame.rotation.ravel()]

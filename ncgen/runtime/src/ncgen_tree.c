@@ -53,13 +53,13 @@ static inline void spread_change(const ncgen_tree_element *e, int count, const n
                                  ncgen_real *moved)
 {
     for (const ncgen_tree_element *end = e + count; e < end; ++e) {
-        ncgen_real speed[3], found[3];
+        ncgen_real speed[3], acceleration[3];
         ncgen_cross(twist, e->lever, speed);
-        ncgen_carried(e, change, found);
-        ncgen_add_cross(twist, speed, found);
-        moved[e->c[0]] = found[0];
-        moved[e->c[1]] = found[1];
-        moved[e->c[2]] = found[2];
+        ncgen_carried(e, change, acceleration);
+        ncgen_add_cross(twist, speed, acceleration);
+        moved[e->c[0]] = acceleration[0];
+        moved[e->c[1]] = acceleration[1];
+        moved[e->c[2]] = acceleration[2];
     }
 }
 

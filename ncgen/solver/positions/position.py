@@ -222,24 +222,24 @@ def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float 
     result = Position(q, 0, residual(kernels, q, t, p), ())
     path = [q]
 
-    def at(q: np.ndarray, share: float) -> Position:
+    def at(q: np.ndarray, fraction: float) -> Position:
         guess = q.copy()
-        guess[where] = start + share * (end - start)
+        guess[where] = start + fraction * (end - start)
         return solve_position(kernels, guess, t, p, held=names, limit=EASY)
 
     while done < 1.0:
-        share = min(1.0, done + step)
+        fraction = min(1.0, done + step)
         try:
-            result, done = at(result.q, share), share
+            result, done = at(result.q, fraction), fraction
             path.append(result.q)
         except ConvergenceError as error:
             step /= 2
             if step < 1e-4 / steps:
-                last, reached = approached(lambda q, share: at(q, share).q, result.q, done, share)
+                last, reached = approached(lambda q, fraction: at(q, fraction).q, result.q, done, fraction)
                 path.append(last)
-                if reached < share:
+                if reached < fraction:
                     raise _stopped(kernels, end, names, path, t, p, error) from error
-                result, done = at(last, share), share
+                result, done = at(last, fraction), fraction
     return result
 
 
