@@ -1,5 +1,5 @@
 /* ncgen_tree_closing.c: how far the coordinates of an open tree are from satisfying its rows, link by link outward. */
-#include "ncgen_constrained.h"
+#include "ncgen_tree_closing.h"
 #include "ncgen_tree_positions.h"
 
 /* The right sides of the rows that close a link: `step` is zero for its own coordinates. */
@@ -104,7 +104,7 @@ static int begin_closed_form(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, n
     ncgen_copy(r->n, r->start_q, w->placed);
     for (int k = 0; k < MOST_STEPS; ++k) {
         ncgen_phi(r, t, w->placed, out + r->n);
-        if (ncgen_constrained_violation(r, out + r->n) <= 100 * r->rounding)
+        if (ncgen_largest(r->m, out + r->n, r->dynamics->row_sizes) <= 100 * r->rounding)
             break;
         step_by_links(r, w, t, w->placed, out);
         for (int i = 0; i < r->n; ++i)
@@ -122,7 +122,7 @@ static int close_at_once(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const
         return 0;
     ncgen_tree_place_all(r, w, q);
     ncgen_phi(r, t, w->placed, out + r->n);
-    w->closed_form = ncgen_constrained_violation(r, out + r->n) <= r->options->tolerance;
+    w->closed_form = ncgen_largest(r->m, out + r->n, r->dynamics->row_sizes) <= r->options->tolerance;
     for (int i = 0; i < r->n; ++i)
         out[i] = w->placed[i] - q[i];
     return w->closed_form;
