@@ -32,10 +32,12 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->taking = passage->due + count;
     i->places = passage->due + 4 * count;
     i->sticks = passage->due + 7 * count;
+    i->rows = passage->due + 8 * count;
     i->kept = ncgen_take(&space, n);
     i->prior = ncgen_take(&space, n);
     i->arrived = ncgen_take(&space, n);
     ncgen_copy(n, moment->qd, i->arrived);
+    i->sliding = ncgen_take(&space, events->n_sliding * (n + 1));
     i->numbers = ncgen_take(&space, 0); /* the rest */
 }
 
@@ -52,6 +54,8 @@ int ncgen_look(ncgen_instant *i)
     int status = i->events->conditions(m->t, m->q, m->qd, i->p, i->values);
     if (status == NCGEN_OK)
         status = i->events->slopes(m->t, m->q, m->qd, i->p, i->slopes);
+    if (status == NCGEN_OK && i->events->n_sliding)
+        status = i->events->sliding(m->t, m->q, m->qd, i->p, i->sliding);
     for (int k = 0; k < i->count; ++k) {
         i->scales[k] = i->values[2 * k + 1];
         for (int j = 0; j < i->n; ++j)
@@ -282,9 +286,9 @@ static int happen(ncgen_instant *i)
     ncgen_begin_notes(i->passage->log, i->count, chain.due);
     for (int k = n_events(i); k < i->count; ++k)
         chain.happened[k] = chain.due[k];
-    ncgen_read_held(i->events, i->p, i->passage->flags);
-    ncgen_write_held(i->events, NULL, 0, i->p); /* impulses act on the mechanism with its locks alone */
-    int status = ncgen_follow_chain(&chain);
+    int status = ncgen_begin_instant(i);
+    if (status == NCGEN_OK)
+        status = ncgen_follow_chain(&chain);
     if (status == NCGEN_OK)
         status = ncgen_catch(i, chain.happened);
     if (status == NCGEN_OK)
