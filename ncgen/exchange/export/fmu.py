@@ -137,15 +137,20 @@ def _groups(package: Package) -> list[Group]:
     loaded = loaded_elements(package.sources.programs.equations) if package.loads else []
     events, changed = package.events.names if package.events else [], package.events.changed if package.events else frozenset()
     conditions = [
-        Variable(name=f"condition({name})", unit="", description=f"condition of event {name}", causality="local") for name in events
+        Variable(name=f"condition({name})", unit="", description=f"condition of event {name}", causality="local")
+        for name in (package.events.condition_names if package.events else ())
     ]
+    squares = {each.name for each in (package.events.holdables if package.events else ()) if each.sticks}
+    what = "what its load has left, 1 where it is not held"
     conditions += [
         Variable(
-            name=f"load({name})", unit="N", description=f"condition of event {name}: what its load has left, 1 where it is not held",
+            name=f"load({name})",
+            unit="" if name in squares else "N",
+            description=f"condition of event {name}: {what}",
             causality="local",
         )
         for name in (package.events.loads if package.events else ())
-    ]  # fmt: skip
+    ]
     attributes = {"causality": "output", "variability": "discrete", "initial": "exact", "start": 0.0}
     counts = [Variable(name=f"count({name})", unit="", description=f"how often event {name} has happened", **attributes) for name in events]
 

@@ -5,10 +5,11 @@
 #include "ncgen_held.h"
 #include "ncgen_state.h"
 
-enum { HEAD = 39, FIRST_FUNCTION = 21, MOST_STEPS = 1000000, AXES = 3 };
+enum { HEAD = 43, FIRST_FUNCTION = 24, MOST_STEPS = 1000000, AXES = 3 };
 enum { PHI, PHI_Q, NU, GAMMA, MASS, FORCE, ENERGY, SWITCHES, CONDITIONS, SLOPES, RATES, VALUES };
-enum { HELD_PHI = 12, HELD_PHI_Q, HELD_NU, HELD_GAMMA, HELD_CONDITIONS, FRICTION };
-enum { COUNT = 10, MOST, ACTIONS, LAW, SET_NUMBERS, DEGREE, N_EVENTS, HOLDS, LOADS, OWN, HELD_ROWS, ACTION_SIZE = 4, HOLD_SIZE = 7 };
+enum { HELD_PHI = 12, HELD_PHI_Q, HELD_NU, HELD_GAMMA, HELD_CONDITIONS, FRICTION, SLIDING };
+enum { COUNT = 10, MOST, ACTIONS, LAW, SET_NUMBERS, DEGREE, N_EVENTS, HOLDS, LOADS, OWN, HELD_ROWS, FOLLOWS_LOADS, RUBBINGS, VELOCITIES };
+enum { ACTION_SIZE = 4, HOLD_SIZE = 7, RUBBING_SIZE = 11 };
 enum { TIME, WORK, POWER, NEXT_STEP, STATE };
 
 /* A model, its dynamics and how it is eliminated: without drives, with them, and with what is held. */
@@ -114,7 +115,7 @@ static int pull_and_friction(ncgen_real t, const ncgen_real *q, const ncgen_real
 void ncgen_linked_set_pull(int acts)
 {
     own.dynamics.external = with_drives.dynamics.external = held.dynamics.external = acts ? pull : NULL;
-    if (events.follows_loads)
+    if (events.rubs)
         held.dynamics.external = acts ? pull_and_friction : friction;
     own.dynamics.conservative = with_drives.dynamics.conservative = held.dynamics.conservative = is_conservative && !acts;
 }
@@ -166,7 +167,8 @@ static void read_held(const int *integers, const int *at)
     events.held_dynamics = &held.dynamics;
     events.held_conditions = at_velocity(integers, HELD_CONDITIONS);
     friction = at_velocity(integers, FRICTION);
-    events.follows_loads = friction != NULL;
+    events.rubs = friction != NULL;
+    events.follows_loads = integers[FOLLOWS_LOADS];
 }
 
 /* at: where directions begin among the integers */
@@ -193,6 +195,10 @@ static void read_events(const int *integers, const int *at)
     events.n_holds = integers[HOLDS];
     events.n_loads = integers[LOADS];
     events.holds = (const ncgen_hold *)(const void *)taken(&at, HOLD_SIZE * events.n_holds);
+    events.n_rubbings = integers[RUBBINGS];
+    events.n_sliding = integers[VELOCITIES];
+    events.rubbings = (const ncgen_rubbing *)(const void *)taken(&at, RUBBING_SIZE * events.n_rubbings);
+    events.sliding = at_velocity(integers, SLIDING);
     own_places = taken(&at, n_own);
     if (events.n_holds > 0)
         read_held(integers, at);
@@ -300,7 +306,8 @@ static int events_in_state(void)
 static int of_events(const int *integers)
 {
     const int count = events.count, all = count + events.n_loads, samples = (watched.degree + 3) * 2 * all;
-    return count > 0 ? samples + NCGEN_EVENTS_WORKSPACE(count, events.most, n, integers[SET_NUMBERS]) + 3 * n + 2 * all : 0;
+    const int values = integers[SET_NUMBERS] + (n + 1) * events.n_sliding;
+    return count > 0 ? samples + NCGEN_EVENTS_WORKSPACE(count, events.most, n, values) + 3 * n + 2 * all + 2 * events.n_holds : 0;
 }
 
 /* Of everything that is kept between calls. */
@@ -344,7 +351,8 @@ static void place_events(const int *integers, const ncgen_real *numbers)
     watched.samples = multipliers + most_rows();
     passage.room = watched.samples + (watched.degree + 3) * 2 * all;
     friction_forces = passage.room + 2 * n + 2 * all;
-    passage.workspace = friction_forces + n;
+    passage.ways = friction_forces + n;
+    passage.workspace = passage.ways + 2 * events.n_holds;
 }
 
 size_t ncgen_linked_size(const int *integers)

@@ -151,6 +151,9 @@ void ncgen_begin_slip(ncgen_instant *i)
         if (hold->kind == NCGEN_HOLDS_JOINT)
             i->p[hold->slip] = is_still(i, hold) ? 0 : sign_of(i, hold->condition);
     }
+    for (int k = 0; k < i->events->n_rubbings; ++k)
+        for (int l = 0; l < i->events->rubbings[k].directions; ++l)
+            i->p[i->events->rubbings[k].slip[l]] = 0;
 }
 
 /* What was held and has been released begins to move with no velocity, not with one of rounding. */

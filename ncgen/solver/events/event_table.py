@@ -82,6 +82,11 @@ class EventTable:
         model = self.kernels.model
         return [*model.events, *model.frictions, *map(friction_of, model.contacts.values()), *model.ratchets]
 
+    @property
+    def condition_names(self) -> list[str]:
+        """Of all conditions."""
+        return [*self.names, *(f"{each.name}.turn" for each in self.turning)]
+
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
         """Contacts with friction."""
