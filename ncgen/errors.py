@@ -217,6 +217,11 @@ def unknown_word(value: object, where: str, known: Iterable[str]) -> ModelError:
     return ModelError(f"{where} {shown(value)} is unknown; choose one of {', '.join(known)}")
 
 
+def given_twice(function: str, former: str, today: str) -> ModelError:
+    """Return the error about an argument that is given by its former name and by that of today."""
+    return ModelError(f"{function}: {former} is the former name of {today}, and both are given; give {today}")
+
+
 def foreign(where: str, element: str) -> ModelError:
     """Return the error about an element of another model."""
     return ModelError(f"{where}: {element} belongs to another model; use this model's own")

@@ -175,12 +175,12 @@ def run(
     json_output: Json = False,
 ) -> None:
     """Generate, compile, check, simulate and draw a model."""
-    from ncgen.mechanism.runtime_library import compiling_thread, part_for
-    from ncgen.methods.table import AUTO
+    from ncgen.mechanism.runtime_library import compiling_thread
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.run_report import run_record, write_outputs
     from ncgen.report.screen import show_inspection, show_run
     from ncgen.report.timing import kernel_times
+    from ncgen.solver.engines.acceleration_forms import expected_component
     from ncgen.solver.motions.simulate import simulate_one
     from ncgen.solver.positions.rank import freedom
     from ncgen.solver.runs.simulation_options import check_simulation, simulation_of
@@ -194,9 +194,9 @@ def run(
 
     def check(loaded: Model) -> None:
         arguments["p"] = with_model_parameters(loaded, arguments["p"])
-        check_simulation(loaded, **arguments)
+        checked = check_simulation(loaded, **arguments)
         if backend != "numpy" and engine != "python":
-            compiling.append(compiling_thread(part=part_for(simulation_of(loaded, **arguments).get("integrator", AUTO))))
+            compiling.append(compiling_thread(component=expected_component(loaded, checked)))
             compiling[0].start()
 
     kernels, sources, seconds = _compiled(model, robot, backend, emission, check, lists_left_out=not json_output)

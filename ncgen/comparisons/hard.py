@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.comparisons.hard_cases import CASES, Case
+from ncgen.comparisons.case import Case
+from ncgen.comparisons.hard_cases import CASES
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels

@@ -159,14 +159,14 @@ def motion() -> None:
                 break
         assert run is not None
         counts = run.statistics
-        share = counts.fallbacks / max(counts.evaluations, 1)
-        _print_results(duration=duration, seconds=seconds, evaluations=counts.evaluations, fallbacks=share)
+        fraction = counts.fallbacks / max(counts.evaluations, 1)
+        _print_results(duration=duration, seconds=seconds, evaluations=counts.evaluations, fallbacks=fraction)
         _print_results(each=seconds / max(counts.evaluations, 1))
     assert run is not None
-    places = [kernels.coordinates.index(name) for name in names] or list(range(kernels.n))
+    positions = [kernels.coordinates.index(name) for name in names] or list(range(kernels.n))
     with suppress(NcgenError):  # then the error is unknown, and the run counts all the same
         tight = simulate_one(kernels, duration, rtol=REFERENCE_RTOL, zd0=zd0 or None, points=2)
-        _print_results(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[places])))
+        _print_results(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[positions])))
     _print_results(drift=float(run.energy_drift))
 
 

@@ -88,8 +88,8 @@ class MotionFunction:
             q[:], qd[:] = run.q, run.qd
         elif not self._is_for_lanes:
             leading = q.shape[:-2]
-            own = [_spread(p, leading), _spread(rates, leading), q, qd]
-            _one_after_the_other(self._forward, leading, own)
+            arrays = [_spread(p, leading), _spread(rates, leading), q, qd]
+            _one_after_the_other(self._forward, leading, arrays)
         else:
             self._completed(self._many(q.shape[:-2], p, rates).sweep(None, rows=(_flat(q, 2), _flat(qd, 2))))
 
@@ -100,8 +100,8 @@ class MotionFunction:
             slopes, _ = self._one(p, rates).backward(by_q, by_qd)
         elif not self._is_for_lanes:
             leading = by_p.shape[:-1]
-            given = [_spread(p, leading), _spread(rates, leading), _spread(by_q, leading, 2), _spread(by_qd, leading, 2)]
-            _one_after_the_other(self._backward, leading, [*given, by_p, by_rates])
+            arrays = [_spread(p, leading), _spread(rates, leading), _spread(by_q, leading, 2), _spread(by_qd, leading, 2)]
+            _one_after_the_other(self._backward, leading, [*arrays, by_p, by_rates])
             return
         else:
             leading = by_p.shape[:-1]
@@ -120,8 +120,8 @@ class MotionFunction:
 
     def _many(self, leading: tuple[int, ...], p: np.ndarray, rates: np.ndarray) -> TapedBatch:
         p, rates = (_flat(_spread(a, leading), 1) for a in (p, rates))
-        given = {name: value for name, value in self._start.items() if name != "z"}
-        return taped_batch(self.kernels, *self._asked, zd0=rates, p=p, z=self._z, **given)
+        start = {name: value for name, value in self._start.items() if name != "z"}
+        return taped_batch(self.kernels, *self._asked, zd0=rates, p=p, z=self._z, **start)
 
     def _completed(self, swept: Swept) -> np.ndarray:
         """The slopes of many. Raises NcgenError where one did not come to its end."""
@@ -132,9 +132,9 @@ class MotionFunction:
 
 def _one_after_the_other(call: Callable[..., None], leading: tuple[int, ...], arrays: Sequence[np.ndarray]) -> None:
     """Call with the part of every motion of all arrays. Raises NcgenError with the number of the motion."""
-    for i, place in enumerate(np.ndindex(leading)):
+    for i, index in enumerate(np.ndindex(leading)):
         try:
-            call(*(array[place] for array in arrays))
+            call(*(array[index] for array in arrays))
         except NcgenError as error:
             raise NcgenError(f"motion {i} of {prod(leading)}: {error}") from None
 
@@ -146,5 +146,5 @@ def _spread(array: np.ndarray, leading: tuple[int, ...], axes: int = 1) -> np.nd
 
 def _flat(array: np.ndarray, axes: int) -> np.ndarray:
     """An array with one leading axis before its own, in the same memory where it lies in one piece."""
-    own = array.shape[array.ndim - axes :]
-    return array.reshape(prod(array.shape[: array.ndim - axes]), *own)
+    shape = array.shape[array.ndim - axes :]
+    return array.reshape(prod(array.shape[: array.ndim - axes]), *shape)

@@ -142,10 +142,10 @@ class Motions:
         start = [laid(a, float, size, f"{kernels.name}: {name}") for name, a, size in (
             ("q", q, kernels.n), ("qd", qd, kernels.n), ("p", p, len(kernels.p0))
         )]  # fmt: skip
-        places = [pointer(ffi, a, count=a.shape[-1] * count, what=kernels.name) for a in start]
+        pointers = [pointer(ffi, a, count=a.shape[-1] * count, label=kernels.name) for a in start]
         column_sizes, row_sizes, times = (pointer(ffi, a) for a in (kernels.column_sizes, kernels.row_sizes, self._times))
         self._library.ncgen_motions(
-            self._emitted.motion[0], self._in_c, kernels.m, column_sizes, row_sizes, len(self._times) - 1, times, count, *places,
+            self._emitted.motion[0], self._in_c, kernels.m, column_sizes, row_sizes, len(self._times) - 1, times, count, *pointers,
             *(pointer(ffi, a, count=prod(shape)) for a in (to_q, to_qd)), pointer(ffi, other, "int[]"), taped, pointer(ffi, tape),
             pointer(ffi, aligned(self._work)),
         )  # fmt: skip
@@ -159,7 +159,7 @@ class Motions:
         when = self._times[0] if which else pointer(ffi, self._times)
         getattr(self._library, function)(
             self._emitted.transposed[0], self._in_c, *which, len(self._times) - 1, when, len(slopes),
-            *(pointer(ffi, a, count=len(slopes) * size, what="weights") for a in arrays),
+            *(pointer(ffi, a, count=len(slopes) * size, label="weights") for a in arrays),
             *(pointer(ffi, a) for a in (tape, slopes, aligned(self._work))),
         )  # fmt: skip
         return slopes

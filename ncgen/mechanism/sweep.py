@@ -87,18 +87,18 @@ class Sweep:
         """What a transposed part says at the start; state: what it reads besides time and p."""
         gradient = self._empty(sum(map(len, state)) + len(self._p))
         function = getattr(self.numbers.library, f"ncgen_{name}_vjp")
-        given = *map(self._real, (*state, self._p)), self._real(weights, self._sizes.n_coordinates), self._real(gradient)
-        function(self.numbers.transposed, self._times[0], *given)
+        pointers = *map(self._real, (*state, self._p)), self._real(weights, self._sizes.n_coordinates), self._real(gradient)
+        function(self.numbers.transposed, self._times[0], *pointers)
         return gradient
 
     def _by_parameters(self, slopes: np.ndarray) -> np.ndarray:
         """Slopes (n_p,) by parameters from those by parameters and what is prepared of them."""
-        own, prepared = np.split(slopes, [self._sizes.n_parameters])
+        by_p, prepared = np.split(slopes, [self._sizes.n_parameters])
         if not len(prepared):
-            return own
-        more = self._empty(len(own))
+            return by_p
+        more = self._empty(len(by_p))
         self.numbers.library.ncgen_prepare_vjp(self.numbers.transposed, *map(self._real, (self._p, prepared, more)))
-        return own + more
+        return by_p + more
 
     def _empty(self, size: int) -> np.ndarray:
         return np.empty(size, dtype=self.numbers.dtype)

@@ -86,23 +86,23 @@ def _laws(kernels: Kernels, changing: Collection[ArrayElement]) -> TimeLaws:
             arrays = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
             outputs += inlined(graph, program, arrays)
     over_time: dict[int, int] = {}  # node -> the same among the laws' own
-    own, switches = Graph(), []
+    time_graph, switches = Graph(), []
     for node, op in enumerate(graph.ops):
         if op.code == "const" or (op.code == "load" and op.input.array in ("t", "p")):
-            over_time[node] = own.copied(op, ())
+            over_time[node] = time_graph.copied(op, ())
         elif op.args and all(a in over_time for a in op.args):
-            over_time[node] = made = own.copied(op, [over_time[a] for a in op.args])
-            if op.code in SWITCHING and made not in known and own.ops[made].args:
-                known[made] = own.ops[made]
+            over_time[node] = made = time_graph.copied(op, [over_time[a] for a in op.args])
+            if op.code in SWITCHING and made not in known and time_graph.ops[made].args:
+                known[made] = time_graph.ops[made]
     used = {*outputs, *(a for node, op in enumerate(graph.ops) if node not in over_time for a in op.args)}
-    narrow = _narrow_nodes(own, [over_time[node] for node in used if node in over_time])
+    narrow = _narrow_nodes(time_graph, [over_time[node] for node in used if node in over_time])
     numbers = {node: k for k, node in enumerate(known)}
     for node, op in known.items():
         (argument,) = op.args
-        below = own.below([argument])
-        if not any(own.ops[b].leaf in changing for b in below):
+        below = time_graph.below([argument])
+        if not any(time_graph.ops[b].leaf in changing for b in below):
             continue
-        slope = slope_in_time(own, argument)
+        slope = slope_in_time(time_graph, argument)
         pieces = op.pieces if op.code == PIECES else ZERO
         jumps, bends = _discontinuous(op)
         switches.append(
@@ -118,9 +118,9 @@ def _laws(kernels: Kernels, changing: Collection[ArrayElement]) -> TimeLaws:
                 ),
             )
         )
-    place = {numbers[node]: k for k, (node, _) in enumerate(switches)}
-    mended = [replace(s, inner=tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches]
-    return _without_others(own, mended, narrow)
+    index = {numbers[node]: k for k, (node, _) in enumerate(switches)}
+    mended = [replace(s, inner=tuple(index[i] for i in sorted(s.inner) if i in index)) for _, s in switches]
+    return _without_others(time_graph, mended, narrow)
 
 
 def slope_in_time(graph: Graph, node: int) -> int | None:

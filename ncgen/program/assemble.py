@@ -58,8 +58,10 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     """Build the programs of every kernel the mechanism needs."""
     omitted = list(equations.omitted)
     built = programs_of(KERNELS.values(), equations, EMISSIONS[emission])
+    if (power := built["power"].program) and _is_zero(power):
+        built["power"] = Built(None, None)
     for name, (program, _) in built.items():
-        if program is None:
+        if program is None and name != "power":  # which says no more than "energy" does
             omitted.append(f"kernel {name}: nothing in this mechanism contributes to it")
     omitted += _folded(equations)
     programs = {name: program for name, (program, _) in built.items() if program is not None}
@@ -81,6 +83,19 @@ CONSTRAINT_KERNELS = ("phi", "phi_q", "gamma")
 
 MOST_FUSED = 4000
 """Statements of these up to which "constraints" is made: it compiles as long as they do, a humanoid 5 s, and saves a sixth of a call."""
+
+
+def _is_zero(program: Program) -> bool:
+    """True if a program writes nothing but zeros, by structure."""
+    stores = [(block, store) for block in program.blocks for store in block.stores if store.array == program.name]
+    return all(_writes_zeros(block, store) for block, store in stores)
+
+
+def _writes_zeros(block: Block, store: Store | TableStore) -> bool:
+    op = block.ops[store.node]
+    if op.code == "slot" and (slot := block.slots[op.slot]).array == "const":
+        return not any(slot.table)
+    return op.code == "const" and op.value == 0.0
 
 
 def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Terms) -> Program:
@@ -109,7 +124,7 @@ def programs_of(kernels: Iterable[Kernel], equations: Terms, least: float) -> di
     derived = Derived()
     bound = {term: _bind(term, equations, derived) for term in (*equations.rows, *with_inertia(equations))}
     n, m = len(equations.free), len(equations.model.rows)
-    lengths = {"n": n, "m": m, "e": len(ENERGIES)}
+    lengths = {"n": n, "m": m, "e": len(ENERGIES), "w": 1}
     built: dict[str, Built] = {}
     for kernel in kernels:
         groups = [_build(kernel, members, equations) for members in _groups(kernel, equations, bound)]

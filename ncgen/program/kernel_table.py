@@ -39,7 +39,7 @@ ROW = Axis("row")
 class Kernel:
     """What a kernel is: its inputs, which terms enter, and how a term contributes.
 
-    shape: the output's axes, "m" rows, "n" coordinates, "e" energies, "p" parameters; two axes make a sparse matrix
+    shape: the output's axes, "m" rows, "n" coordinates, "e" energies, "w" the power, "p" parameters; two axes make a sparse matrix
     wants: names of the outputs of templates that contributions are made of
     """
 
@@ -88,6 +88,11 @@ def _energies(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, i
             yield (Axis("energy", k),), outputs[TemplateOutput(name)]
 
 
+def _power(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+    if TemplateOutput("power") in outputs:
+        yield (Axis("energy"),), outputs[TemplateOutput("power")]
+
+
 POSITION, VELOCITY = ("t", "q", "p"), ("t", "q", "qd", "p")
 
 
@@ -114,5 +119,6 @@ KERNELS = {
         Kernel(name="mass", inputs=POSITION, shape="nn", terms=_masses, wants=("mass",), parts=chain("mass", 2, False)),
         Kernel(name="force", inputs=VELOCITY, shape="n", terms=with_inertia, wants=("force",), parts=chain("force", 1, False)),
         Kernel(name="energy", inputs=VELOCITY, shape="e", terms=with_inertia, wants=ENERGIES, parts=_energies),
+        Kernel(name="power", inputs=VELOCITY, shape="w", terms=with_inertia, wants=("power",), parts=_power),
     ]
 }

@@ -43,8 +43,8 @@ class Slopes:
         for column in study.gradients:
             name = coordinate_of(started(column.by) or "")
             if name and independent and name not in independent:
-                own = ", ".join(independent)
-                raise ModelError(f"keep, {column.word}: {name} is not independent at the start; {own} are, others are chosen by z")
+                names = ", ".join(independent)
+                raise ModelError(f"keep, {column.word}: {name} is not independent at the start; {names} are, others are chosen by z")
 
     @cached_property
     def integrator(self) -> str:
@@ -118,9 +118,9 @@ class Slopes:
             slope = output_slopes(kernels, float(motion.t[k]), state, motion.p, seeds)[outputs.index(column.name)]
             by_q[k], by_qd[k], by_p[:] = slope[:n], slope[n : 2 * n], slope[2 * n :]
             return by_q, by_qd, by_p
-        place = kernels.index[coordinate_of(column.name)]
-        (by_q if column.name in kernels.index else by_qd)[:, place] = by_x
-        by_qd[:, place] += by_rates
+        column_index = kernels.index[coordinate_of(column.name)]
+        (by_q if column.name in kernels.index else by_qd)[:, column_index] = by_x
+        by_qd[:, column_index] += by_rates
         return by_q, by_qd, by_p
 
     def _history(self, motion: Motion, name: str) -> tuple[np.ndarray, np.ndarray | None]:

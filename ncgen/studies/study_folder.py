@@ -97,8 +97,8 @@ class Folder:
         for key, value in expected.items():
             if key in MAY_DIFFER or (present := self.manifest.get(key)) == value:
                 continue
-            what = {"study": "another study", "ncgen": f"results of ncgen {shown(present)[1:-1]}, not {value}"}
-            which = what.get(key, f"a manifest in which {key} is {shown(present)} instead of {shown(value)}")
+            problems = {"study": "another study", "ncgen": f"results of ncgen {shown(present)[1:-1]}, not {value}"}
+            which = problems.get(key, f"a manifest in which {key} is {shown(present)} instead of {shown(value)}")
             raise NcgenError(f"{self.path}: it holds {which}; give another folder, or remove this one")
 
     @property
@@ -108,11 +108,11 @@ class Folder:
 
     def files(self) -> list[tuple[int, int, Path]]:
         """(first, end, file) of the variants that are done, in order. Raises NcgenError where two files hold the same variants."""
-        listed, place = self._listed(), 0
+        listed, position = self._listed(), 0
         for first, end, path in listed:
-            if why := self._misplaced(first, end, place):
+            if why := self._misplaced(first, end, position):
                 raise NcgenError(f"{path}: {why}; start the study again, which removes it")
-            place = end
+            position = end
         return listed
 
     def missing(self) -> list[tuple[int, int]]:
@@ -122,29 +122,29 @@ class Folder:
         """
         for path in self.path.glob(UNFINISHED):
             _remove(path)
-        gaps, place, broken = list[tuple[int, int]](), 0, list[str]()
+        gaps, position, broken = list[tuple[int, int]](), 0, list[str]()
         for first, end, path in self._listed():
-            if why := self._misplaced(first, end, place) or self._fault(path):
+            if why := self._misplaced(first, end, position) or self._fault(path):
                 broken.append(f"{path.name} ({why})")
                 _remove(path)
                 continue
-            if first > place:
-                gaps.append((place, first))
-            place = end
+            if first > position:
+                gaps.append((position, first))
+            position = end
         if broken:
             count = f"{len(broken)} files are not whole, the first is" if len(broken) > 1 else "a file is not whole,"
             warnings.warn(f"{self.path}: {count} {broken[0]}; what they should hold is computed again", stacklevel=2)
-        return [*gaps, (place, self.manifest["variants"])] if place < self.manifest["variants"] else gaps
+        return [*gaps, (position, self.manifest["variants"])] if position < self.manifest["variants"] else gaps
 
     def is_whole(self) -> bool:
         """Whether every file that is there is whole; reads all of them."""
         return not any(self._fault(path) for _, _, path in self.files())
 
-    def write(self, part: Part) -> None:
+    def write(self, block: Part) -> None:
         """Add variants. Raises NcgenError in one line where they cannot be written; what was written before stays."""
-        messages = {SAID_OF: np.array([*part.messages], dtype=np.int64), SAID: np.array([*part.messages.values()], dtype=str)}
+        messages = {SAID_OF: np.array([*block.messages], dtype=np.int64), SAID: np.array([*block.messages.values()], dtype=str)}
         try:
-            write_bytes(self.path / NAME.format(part.first, part.first + len(part)), packed(part.columns | messages))
+            write_bytes(self.path / NAME.format(block.first, block.first + len(block)), packed(block.columns | messages))
         except NcgenError as error:
             cause = error.__cause__
             why = getattr(cause, "strerror", None) or str(error)
@@ -189,11 +189,11 @@ class Folder:
         except OSError as error:
             raise NcgenError(f"{self.path}: {error.strerror or error}; give the folder of a study") from error
 
-    def _misplaced(self, first: int, end: int, place: int) -> str:
-        """Why a file is not one that holds variants behind `place`, in words; "" if it is."""
+    def _misplaced(self, first: int, end: int, position: int) -> str:
+        """Why a file is not one that holds variants behind `position`, in words; "" if it is."""
         if not first < end <= self.manifest["variants"]:
             return f"there are no such variants among {self.manifest['variants']}"
-        return "another file has some of its variants" if first < place else ""
+        return "another file has some of its variants" if first < position else ""
 
     def _fault(self, path: Path) -> str:
         """Why a file is not whole, in words; "" if it is."""

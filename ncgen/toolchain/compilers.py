@@ -23,7 +23,7 @@ from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 
-from cffi import FFI
+import _cffi_backend
 
 from ncgen.errors import CompileError
 from ncgen.files import opened
@@ -44,7 +44,7 @@ DISABLED_PASSES = (
 """Passes of -O1 that find nothing in code without dead stores, constants to fold or branches: a fifth of gcc's time, and of 27,492
 instructions of a robot's positions they save 19."""
 
-STRAIGHT_FLAGS = tuple(part for flag in FLAGS for part in (("-O1", *FLAGS_FOR_LONG_CODE, *DISABLED_PASSES) if flag == "-O3" else (flag,)))
+STRAIGHT_FLAGS = tuple(each for flag in FLAGS for each in (("-O1", *FLAGS_FOR_LONG_CODE, *DISABLED_PASSES) if flag == "-O3" else (flag,)))
 """For long straight lines. gcc takes three quarters of the time of -O3 for a humanoid's motion, whose programs run as fast and have as many
 instructions: there are no branches and no common subexpressions that it could find."""
 
@@ -316,7 +316,7 @@ def unloadable(library: Path) -> str | None:
     """Why this process cannot load a library, in words; None if it can."""
     if _is_cut(library):
         return "it is not whole"
-    ffi = FFI()
+    ffi = _cffi_backend.FFI()
     try:
         ffi.dlclose(ffi.dlopen(str(library)))
     except OSError as error:

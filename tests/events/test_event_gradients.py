@@ -55,7 +55,7 @@ def test_the_period_of_a_block_on_a_belt():
     m.torque(u, -(u + v * m.time))
     m.friction(u, coulomb=3.0, static=static, name="belt")
     found = ncgen.sensitivities(ncgen.compile(m), 7.8, 1000, by=["v", "static"], q0={"s": 1.0, "A.x": 1.0})
-    slips = [each for each in found.events if each.what == "slips"]
+    slips = [each for each in found.events if each.transition == "slips"]
     assert slips[1].t - slips[0].t == pytest.approx(6.440513433417785, rel=1e-10)
     assert slips[1].t_by - slips[0].t_by == pytest.approx([-0.1367521367521368, 0.2051282051282051], rel=1e-9)
 
@@ -199,7 +199,7 @@ def test_gaps_that_come_to_rest():
     m.force(m.elements["P"], (0, pull * m.time))
     kernels = ncgen.compile(m)
     found = ncgen.sensitivities(kernels, 2.8, 28, by=["h", "e", "pull"])
-    assert found.events[-1].what == "leaves" and found.events[-1].t == pytest.approx(G / 4, rel=1e-10)
+    assert found.events[-1].transition == "leaves" and found.events[-1].t == pytest.approx(G / 4, rel=1e-10)
     assert found.events[-1].t_by == pytest.approx([0.0, 0.0, -G / 16], abs=1e-9)
     T = 2.8 - G / 4
     assert found.q_by[-1, 0] == pytest.approx([0.0, 0.0, T**3 / 6 + T**2 / 2 * G / 4], abs=1e-8)
@@ -301,7 +301,7 @@ def test_a_double_pendulum_with_a_stop_and_friction():
     m.friction(lower, coulomb=mu, static=1.5 * mu, name="joint")
     kernels, at, given = ncgen.compile(m), {"mu": 0.6, "limit": -1.2, "e": 0.3}, {"integrator": "dop853", "rtol": 1e-11}
     found = ncgen.sensitivities(kernels, 1.3, 13, by=list(at), **given)
-    assert [each.what or each.name for each in found.events[:5]] == ["sticks", "slips", "upper.angle.stop.lower", "turns"] + [
+    assert [each.transition or each.name for each in found.events[:5]] == ["sticks", "slips", "upper.angle.stop.lower", "turns"] + [
         "upper.angle.stop.lower"
     ]
 

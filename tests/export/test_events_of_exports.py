@@ -80,7 +80,7 @@ def test_a_ball_bounces(tmp_path):
 def test_a_ball_that_comes_to_rest(tmp_path):
     """The gap is held closed from the time on at which infinitely many bounces end."""
     events, last, counts, stopped, said = run_in_c(ball(), tmp_path, 3.0, flags=f"-O1 {STRICT}")
-    own = [each.t for each in ncgen.simulate(ncgen.compile(ball()), 3.0).events if not each.what]
+    own = [each.t for each in ncgen.simulate(ncgen.compile(ball()), 3.0).events if not each.transition]
     assert [row[0] for row in events] == pytest.approx(own, abs=1e-11) and counts == [len(own)] and not stopped and said == "ok"
     assert last[0] == 3.0 and abs(last[1]) < 1e-15 and last[2] == 0.0
 
@@ -133,7 +133,7 @@ def test_a_ball_in_a_corner(tmp_path):
     _, last, counts, _, said = run_in_c(m, tmp_path, 4.0)
     own = ncgen.simulate(ncgen.compile(m), 4.0)
     assert said == "ok" and last[1:5] == pytest.approx(0.0, abs=1e-12)
-    assert counts == [sum(each.name == name and not each.what for each in own.events) for name in ("floor", "wall")]
+    assert counts == [sum(each.name == name and not each.transition for each in own.events) for name in ("floor", "wall")]
 
 
 def test_a_push_that_changes_between_steps(tmp_path):

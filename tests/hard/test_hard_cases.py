@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 import ncgen
 from ncgen.cli import app
 from ncgen.comparisons.hard import hard_records, methods, run_case
-from ncgen.comparisons.hard_cases import CASES, PRINCIPAL, SPIN, free_rotation
+from ncgen.comparisons.hard_cases import CASES
+from ncgen.comparisons.hard_tops import PRINCIPAL, SPIN, free_rotation
 from ncgen.report.methods import FIXED
 
 SURVIVES = [

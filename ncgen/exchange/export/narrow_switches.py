@@ -144,14 +144,14 @@ def _changes_with(graph: Graph, node: int, degrees: Mapping[int, float], known: 
 
 def _knots(graph: Graph, law: int, base: int, argument: Argument, period: float) -> list[float]:
     """The numbers u, rounded to six digits so that they are the same on every machine."""
-    own = Graph()
-    u = own.load(*TIME)
-    square = own.mul(own.const(argument.sign), own.mul(u, u))
-    new = {base: own.add(own.const(argument.vertex), square) if argument.sign else u}
+    law_graph = Graph()
+    u = law_graph.load(*TIME)
+    square = law_graph.mul(law_graph.const(argument.sign), law_graph.mul(u, u))
+    new = {base: law_graph.add(law_graph.const(argument.vertex), square) if argument.sign else u}
     for node in sorted(graph.below([law], {base}) - {base}):
-        new[node] = own.copied(graph.ops[node], [new[a] for a in graph.ops[node].args])
+        new[node] = law_graph.copied(graph.ops[node], [new[a] for a in graph.ops[node].args])
     start, end = (0.0, 4 * period) if period else (-MAX_ARGUMENT, MAX_ARGUMENT)
-    changes = quick_changes(own.ops, new[law], {}, start, end, np.empty(0))
+    changes = quick_changes(law_graph.ops, new[law], {}, start, end, np.empty(0))
     if period:
         changes = changes[(changes >= 2 * period) & (changes < 3 * period)] - 2 * period
     return [float(f"{each:.6g}") for each in changes]

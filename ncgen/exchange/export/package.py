@@ -164,9 +164,9 @@ class Package:
     @property
     def _described_held(self) -> dict[str, object]:
         """The same of it, and the larger numbers of both: rows, numbers in matrices and factors."""
-        own, held = self._described, self.held
+        described, held = self._described, self.held
         if held is None:
-            room = {"rows": self.kernels.m, "nonzeros": own["nonzeros"], "factor": self._order.nonzeros, "redundant": own["redundant"]}
+            room = {name: described[name] for name in ("nonzeros", "redundant")} | {"rows": self.kernels.m, "factor": self._order.nonzeros}
             return {"held": None, "room": room}
         other = self.of_held
         room = {"rows": held.kernels.m, "nonzeros": other._described["nonzeros"], "factor": other._order.nonzeros, "redundant": True}
@@ -182,8 +182,8 @@ class Package:
     @property
     def public(self) -> tuple[str, ...]:
         """Names of the headers an embedder includes."""
-        own = (f"{self.prefix}.h", f"{self.prefix}_motion.h")
-        return (*own, *(renamed(name, self.prefix) for name in PUBLIC))
+        headers = (f"{self.prefix}.h", f"{self.prefix}_motion.h")
+        return (*headers, *(renamed(name, self.prefix) for name in PUBLIC))
 
     @cached_property
     def records(self) -> dict:
@@ -242,10 +242,10 @@ class Package:
 
     def _motion_programs(self) -> list[Program]:
         """What stands next to the kernels as functions."""
-        own = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
+        closing = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
         switches = [self.switching.program] if self.switching else []
         happening = self.events.programs if self.events else []
-        return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
+        return [*closing, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
 
     @cached_property
     def switching(self) -> Switching | None:
@@ -358,15 +358,15 @@ def renamed(text: str, prefix: str) -> str:
     return re.sub(r"\bNCGEN_(?=\w)", f"{prefix.upper()}_NCGEN_", text)
 
 
-def without_runtime(target: str, own: str, prefix: str, records: dict, headers_besides: tuple[str, ...]) -> dict[str, str]:
+def without_runtime(target: str, file_name: str, prefix: str, records: dict, headers_besides: tuple[str, ...]) -> dict[str, str]:
     """{path in the folder: text} of functions in C that need two headers of ncgen's and nothing of its runtime.
 
-    own: the template of the functions, with its header; headers_besides: templates of what else is in the folder
+    file_name: the template of the functions, with its header; headers_besides: templates of what else is in the folder
     """
 
     def filled(template: str) -> str:
         return renamed(render(f"package/{target}/{template}.jinja", **records), prefix)
 
     headers = {renamed(name, prefix): renamed(text, prefix) for name, text in runtime_files("ncgen.h", "ncgen_math.h").items()}
-    functions = {f"{prefix}_{target}.{end}": filled(f"{own}.{end}") for end in "hc"}
+    functions = {f"{prefix}_{target}.{end}": filled(f"{file_name}.{end}") for end in "hc"}
     return {**{name: filled(name) for name in headers_besides}, **functions, **headers}

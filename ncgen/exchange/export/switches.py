@@ -94,13 +94,13 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
 
 def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duration: float) -> dict[int, Pieces]:
     """{law that has narrow changes in the described motion: the number of the piece that its value is in}."""
-    given = {ArrayElement("p", k): float(kernels.p0[k]) for k in laws.parameters}
+    inputs = {ArrayElement("p", k): float(kernels.p0[k]) for k in laws.parameters}
     narrow = {}
     for node in nodes:
         breaks = breaks_of_laws(kernels, replace(laws, switches=(), narrow=(node,)), 0.0, duration)
         if len(breaks):
             t = np.sort(np.concatenate([np.linspace(0.0, duration, INTERVALS + 1), breaks[:, 0]]))
-            x = values(laws.ops, node, {**given, TIME: t})
+            x = values(laws.ops, node, {**inputs, TIME: t})
             low, high = np.min(x[np.isfinite(x)]), np.max(x[np.isfinite(x)])
             knots = np.unique([float(f"{low + (high - low) * level:.12g}") for level in RANGE_FRACTIONS]).tolist()
             if np.count_nonzero(np.diff(np.searchsorted(knots, x))) <= MOST_CHANGES:

@@ -19,7 +19,7 @@ CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD 
 """What the wrapper calls its constants: no class can be called so."""
 
 FUNCTIONS = (
-    "phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches", "conditions", "condition_slopes", "condition_rates",
+    "phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches", "conditions", "condition_derivatives", "condition_rates",
     "action_values", "held_phi", "held_phi_q", "held_nu", "held_gamma", "held_conditions",
     "friction_forces", "contact_velocities",
 )  # fmt: skip
@@ -109,7 +109,7 @@ def _integers(package: Package) -> list[int]:
     patterns = [*phi_q.indptr, *phi_q.indices, *kernels.mass_pattern.indptr, *kernels.mass_pattern.indices]
     orders = [package.elimination(pattern) for pattern in (kernels.phi_q_pattern, phi_q)]
     tables = [x for order in orders for x in (order.nonzeros, *(x for name in Elimination.ARRAYS for x in getattr(order, name)))]
-    actions = [x for row in happening.get("rows", ()) for x in (row.event, KINDS.index(row.kind), row.place, row.value)]
+    actions = [x for row in happening.get("rows", ()) for x in (row.event, KINDS.index(row.kind), row.index, row.value)]
     sides = [
         *happening.get("directions", ()),
         *[-1] * (happening.get("count", 0) + happening.get("loads", 0)),

@@ -278,8 +278,8 @@ def _power(
     momentum: M S γ
     """
     graph = lines.graph
-    own = lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"))
-    power = own if own is not None else graph.const(0.0)
+    applied = lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"))
+    power = applied if applied is not None else graph.const(0.0)
     if nu:
         zero = graph.const(0.0)
         left = {c: graph.sub(force.get(c, zero), momentum.get(c, zero)) for c in sorted(force.keys() | momentum.keys())}

@@ -1,7 +1,7 @@
 """The conditions of a mechanism's events, and what their actions set, as programs.
 
 conditions(t, q, qd, p)            -> of every condition its value, and the size of its terms, with which rounding is compared
-condition_slopes(t, q, qd, p)      -> of every condition ∂/∂q (n), ∂/∂q̇ (n) and ∂/∂t
+condition_derivatives(t, q, qd, p)      -> of every condition ∂/∂q (n), ∂/∂q̇ (n) and ∂/∂t
 condition_rates(t, q, qd, qdd, p)  -> the C rates of change along the motion, then the C second derivatives, those of conditions without q̇
 action_values(t, q, qd, p)         -> the numbers that actions set
 element_values(t, q, qd, p)        -> restitutions and coefficients of friction that are expressions
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 INPUTS = {
     "conditions": ("t", "q", "qd", "p"),
-    "condition_slopes": ("t", "q", "qd", "p"),
+    "condition_derivatives": ("t", "q", "qd", "p"),
     "condition_rates": ("t", "q", "qd", "qdd", "p"),
     "action_values": ("t", "q", "qd", "p"),
     "element_values": ("t", "q", "qd", "p"),
@@ -74,7 +74,7 @@ def assemble_conditions(
     slides = [expression_node(lines, *each) for each in velocities]
     outputs = {
         "conditions": [node for pair in zip(gaps, sizes, strict=True) for node in pair],
-        "condition_slopes": [slope.get(v, zero) for slope in slopes for v in variables],
+        "condition_derivatives": [slope.get(v, zero) for slope in slopes for v in variables],
         "condition_rates": [*rates, *second],
         "action_values": [expression_node(lines, *each) for each in values],
         "element_values": [expression_node(lines, *each) for each in elements],

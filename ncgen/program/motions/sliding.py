@@ -85,7 +85,7 @@ class SlidingNodes:
 
         def matrix(signs: Sequence[int]) -> list[list[int]]:
             return [
-                [graph.sub(one if i == j else zero, graph.mul(share, s)) for j, (share, s) in enumerate(zip(row, signs, strict=True))]
+                [graph.sub(one if i == j else zero, graph.mul(factor, s)) for j, (factor, s) in enumerate(zip(row, signs, strict=True))]
                 for i, row in enumerate(shares)
             ]
 

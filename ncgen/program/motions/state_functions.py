@@ -71,7 +71,7 @@ class StateResult:
     @property
     def places(self) -> list[tuple[int, int]]:
         """(row, column) of the entries, column by column."""
-        return sorted(self.entries, key=lambda place: place[::-1])
+        return sorted(self.entries, key=lambda entry: entry[::-1])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,7 +105,7 @@ class StateFunction:
     @property
     def nodes(self) -> list[int]:
         """Of all entries of the results."""
-        return [result.entries[place] for result in self.results for place in result.places]
+        return [result.entries[entry] for result in self.results for entry in result.places]
 
     @property
     def variables(self) -> dict[int, tuple[str, int]]:

@@ -7,7 +7,7 @@
  *   n_coordinates, n_rows, n_parameters, n_dependent, singular_mass, conservative, drives, lines, curves, jumps
  *   of ncgen_events count, most, n_actions, law; how many numbers `values` has, degree; n_events, n_holds, n_loads; how many numbers of p
  *   are the motion's own; rows of the mechanism with what is held; follows_loads, n_rubbings, n_sliding
- *   numbers of the functions phi, phi_q, nu, gamma, mass, force, energy, switches, conditions, condition_slopes, condition_rates,
+ *   numbers of the functions phi, phi_q, nu, gamma, mass, force, energy, switches, conditions, condition_derivatives, condition_rates,
  *   action_values, held_phi, held_phi_q, held_nu, held_gamma, held_conditions, friction_forces, contact_velocities, 0 for one that it does
  *   not have
  *   phi_q_pattern with one row more a drive: indptr, indices; mass_pattern: indptr, indices

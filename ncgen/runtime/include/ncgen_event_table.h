@@ -87,7 +87,7 @@ typedef struct ncgen_events {
     const int *directions;        /* of each: 1 rising, -1 falling, 0 either */
     const ncgen_action *actions;  /* in the order of the events, all velocities that one sets together */
     ncgen_velocity_kernel *conditions; /* of each its value, and the size of the terms that it is a sum of */
-    ncgen_velocity_kernel *slopes;     /* of each its derivatives by q, qd (n_coordinates each) and t */
+    ncgen_velocity_kernel *derivatives; /* of each its derivatives by q, qd (n_coordinates each) and t */
     ncgen_forced_kernel *rates;        /* of q, qd, qdd, p: all first derivatives along the motion, then all second ones */
     ncgen_velocity_kernel *values;     /* what actions set; NULL: nothing */
     ncgen_scalar noise;           /* what is smaller than this share of a condition's terms has no sign */
@@ -107,7 +107,7 @@ typedef struct ncgen_events {
     ncgen_velocity_kernel *held_conditions; /* conditions, and behind them those of loads, which are positive as long as they hold */
 } ncgen_events;
 
-/* What a note says: an event happened, a gap or joint is held from now on, or is no longer, a joint slips to the other side; and how that was found: by a condition that was watched, at
+/* What a note says: an event happened, a gap or joint is held from now on, or is no longer, a joint slips to the other side; and how that was detected: by a condition that was watched, at
  * the start, since another event of the instant brought it about, or by a load. */
 enum { NCGEN_HAPPENS, NCGEN_RESTS, NCGEN_LEAVES, NCGEN_TURNS };
 enum { NCGEN_WATCHED, NCGEN_AT_START, NCGEN_FOLLOWS, NCGEN_BY_LOAD };
@@ -116,11 +116,12 @@ enum { NCGEN_WATCHED, NCGEN_AT_START, NCGEN_FOLLOWS, NCGEN_BY_LOAD };
 typedef struct ncgen_log {
     int count, room;  /* notes, of which no more than the room are there */
     int owner;        /* number of the motion */
-    int first, found; /* of the present instant its first note, and how it was found */
+    int first, cause; /* of the present instant its first note, and how it was detected */
     int follows;      /* 1: what happens follows from what has happened at this instant */
-    int *due;         /* of each event: 1 where the present instant began with it */
+    int *due;         /* of each condition: 1 where the present instant began with it; and 1 for each of the holds, which a note names by the
+                       * number behind those of conditions, where a lock is closed from the start on */
     int *sampled;     /* NULL, or of each event: 1 where its condition had no bounds somewhere, which a note says as for a load */
-    ncgen_real *rows; /* of each note: owner, event, what, how it was found, t, impulse, energy that it took, time until bounces that
+    ncgen_real *rows; /* of each note: owner, event, what, how it was detected, t, impulse, energy that it took, time until bounces that
                        * accumulate have ended or -1; q, qd before and after (n_coordinates each) */
 } ncgen_log;
 

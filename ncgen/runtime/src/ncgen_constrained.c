@@ -218,13 +218,10 @@ int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t)
 
 int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
 {
-    ncgen_real energies[3];
-    *power = 0;
-    if (r->dynamics->conservative)
-        return NCGEN_OK;
-    if (ncgen_energies(r, t, r->q, r->qd, energies) != NCGEN_OK)
+    if (ncgen_power(r, t, r->q, r->qd, power) != NCGEN_OK)
         return NCGEN_DOMAIN;
-    *power = energies[2] - (r->model->nu ? ncgen_dot(r->m, r->constrained->nu, r->constrained->solution + r->n) : 0);
+    if (r->model->nu)
+        *power -= ncgen_dot(r->m, r->constrained->nu, r->constrained->solution + r->n);
     return NCGEN_OK;
 }
 

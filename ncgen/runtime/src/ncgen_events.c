@@ -20,7 +20,7 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->values = ncgen_take(&space, 2 * count);
     i->before = ncgen_take(&space, 2 * count);
     i->scales = ncgen_take(&space, count);
-    i->slopes = ncgen_take(&space, count * (2 * n + 1));
+    i->derivatives = ncgen_take(&space, count * (2 * n + 1));
     i->responses = ncgen_take(&space, events->most * (n + 1));
     i->G = ncgen_take(&space, count * count);
     i->velocities = ncgen_take(&space, count);
@@ -53,18 +53,18 @@ int ncgen_look(ncgen_instant *i)
     const ncgen_moment *m = i->moment;
     int status = i->events->conditions(m->t, m->q, m->qd, i->p, i->values);
     if (status == NCGEN_OK)
-        status = i->events->slopes(m->t, m->q, m->qd, i->p, i->slopes);
+        status = i->events->derivatives(m->t, m->q, m->qd, i->p, i->derivatives);
     if (status == NCGEN_OK && i->events->n_sliding)
         status = i->events->sliding(m->t, m->q, m->qd, i->p, i->sliding);
     for (int k = 0; k < i->count; ++k) {
         i->scales[k] = i->values[2 * k + 1];
         for (int j = 0; j < i->n; ++j)
-            i->scales[k] += NCGEN_ABS(i->slopes[(size_t)k * (size_t)(2 * i->n + 1) + (size_t)j]) * i->d->dynamics->column_sizes[j];
+            i->scales[k] += NCGEN_ABS(i->derivatives[(size_t)k * (size_t)(2 * i->n + 1) + (size_t)j]) * i->d->dynamics->column_sizes[j];
     }
     for (int k = n_events(i); k < i->count; ++k) {
-        ncgen_real *slopes = i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
-        ncgen_copy(i->n, slopes + i->n, slopes);
-        slopes[2 * i->n] = 0;
+        ncgen_real *derivatives = i->derivatives + (size_t)k * (size_t)(2 * i->n + 1);
+        ncgen_copy(i->n, derivatives + i->n, derivatives);
+        derivatives[2 * i->n] = 0;
     }
     return status;
 }
@@ -89,6 +89,19 @@ static ncgen_real energy(const ncgen_instant *i)
     return out[0] + out[1];
 }
 
+/* A lock that is closed where a motion begins. */
+static int begin_locked(ncgen_instant *i, int hold)
+{
+    const ncgen_real before = energy(i);
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    const int status = ncgen_lock(i, hold);
+    const ncgen_real lost = before - energy(i);
+    i->moment->work -= lost;
+    if (status == NCGEN_OK)
+        ncgen_note(i->passage->log, i->n, i->moment, i->count + hold, NCGEN_RESTS, i->prior, 0, lost);
+    return status;
+}
+
 /* Locks that an event closes or opens. */
 static int act_on_locks(ncgen_instant *i, int event)
 {
@@ -96,7 +109,7 @@ static int act_on_locks(ncgen_instant *i, int event)
     int status = NCGEN_OK;
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         if (e->actions[k].event == event && e->actions[k].kind == NCGEN_LOCK)
-            status = ncgen_lock(i, e->actions[k].place);
+            status = (event < 0 ? begin_locked : ncgen_lock)(i, e->actions[k].place);
         if (e->actions[k].event == event && e->actions[k].kind == NCGEN_FREE)
             i->p[e->holds[e->actions[k].place].on] = 0;
     }
@@ -108,10 +121,11 @@ static int act(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
     const ncgen_real before = i->passage->log ? energy(i) : 0;
-    int status = act_on_locks(i, event), others = 0;
+    int status, others = 0;
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    status = act_on_locks(i, event);
     if (status == NCGEN_OK)
         status = find_numbers(i);
-    ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         const ncgen_action *a = e->actions + k;
         if (a->event != event || a->kind == NCGEN_IMPACT)
@@ -166,11 +180,20 @@ static int find_loads(void *context, int projected)
     return ncgen_try_mode(i->d, i->events, i->p, i->moment, i->passage);
 }
 
-/* The gaps that are held from here on. resting (count): those whose bounces end */
-static int choose_mode(ncgen_instant *i, const int *happened, const int *resting)
+/* Have velocities changed at this instant? */
+static int was_hit(const ncgen_instant *i)
+{
+    int changed = 0;
+    for (int j = 0; j < i->n; ++j)
+        changed |= i->moment->qd[j] < i->arrived[j] || i->moment->qd[j] > i->arrived[j];
+    return changed;
+}
+
+/* The gaps that are held from here on. resting (count): those whose bounces end; here those that nothing has hit are added */
+static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
 {
     ncgen_passage *passage = i->passage;
-    const int count = i->count, n = i->n;
+    const int count = i->count, n = i->n, hit = was_hit(i);
     int *kinds = i->taking, *needs = i->places, *before = needs + count, *closed = before + count, *still = i->sticks;
     int *wanted = passage->wanted, *released = wanted + count;
     for (int k = 0; k < count; ++k) {
@@ -178,6 +201,7 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
         kinds[k] = impact && !impact->place ? NCGEN_HOLDS_GAP : NCGEN_HOLDS_LOCK;
         needs[k] = -1;
         before[k] = ncgen_holds(i->events, passage, k);
+        resting[k] |= before[k] && !hit;
         closed[k] = ncgen_is_closed(i, k);
         still[k] = is_still(i, k);
     }
@@ -199,10 +223,7 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
 /* The same of what may be held in the mechanism with switches. */
 static int choose_held(ncgen_instant *i, const int *happened, const int *resting)
 {
-    int was_hit = 0;
-    for (int j = 0; j < i->n; ++j)
-        was_hit |= i->moment->qd[j] < i->arrived[j] || i->moment->qd[j] > i->arrived[j];
-    const int status = ncgen_choose_held(i, happened, resting, was_hit);
+    const int status = ncgen_choose_held(i, happened, resting, was_hit(i));
     for (int k = n_events(i); k < i->count; ++k) {
         const int way = ncgen_way(i->events, i->p, k);
         i->passage->signs[k] = way == NCGEN_UNWATCHED ? 0 : -way;

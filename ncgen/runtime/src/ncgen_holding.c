@@ -100,8 +100,8 @@ static int find_places(ncgen_instant *i)
     return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
 }
 
-/* Velocities that miss the constraints of a mechanism, over those of the mechanism in natural sizes. */
-static int misses(ncgen_instant *i, const ncgen_driven *d, int *does)
+/* Do velocities miss the constraints of a mechanism, compared with a speed in natural sizes? */
+static int misses(ncgen_instant *i, const ncgen_driven *d, ncgen_real speed, int *does)
 {
     const ncgen_model *model = d->model;
     const ncgen_pattern *pattern = &model->phi_q_pattern;
@@ -111,7 +111,7 @@ static int misses(ncgen_instant *i, const ncgen_driven *d, int *does)
     if (status == NCGEN_OK && model->nu)
         status = model->nu(i->moment->t, i->moment->q, i->p, nu);
     for (int r = 0; r < model->n_rows && status == NCGEN_OK; ++r) {
-        ncgen_real sum = model->nu ? -nu[r] : 0, size = NCGEN_ABS(sum) + d->dynamics->row_sizes[r] * speed_of(i, i->moment->qd);
+        ncgen_real sum = model->nu ? -nu[r] : 0, size = NCGEN_ABS(sum) + d->dynamics->row_sizes[r] * speed;
         for (int k = pattern->indptr[r]; k < pattern->indptr[r + 1]; ++k)
             sum += values[k] * i->moment->qd[pattern->indices[k]];
         *does |= !(NCGEN_ABS(sum) <= locked * size);
@@ -122,6 +122,7 @@ static int misses(ncgen_instant *i, const ncgen_driven *d, int *does)
 int ncgen_lock(ncgen_instant *i, int h)
 {
     const ncgen_hold *hold = i->events->holds + h;
+    const ncgen_real before = speed_of(i, i->moment->qd);
     ncgen_entered in;
     int missed;
     if (i->p[hold->on] > 0)
@@ -134,7 +135,7 @@ int ncgen_lock(ncgen_instant *i, int h)
     ncgen_enter_held(i->d, i->events, i->p, NULL, &in);
     status = ncgen_project_velocities(&in.driven, i->p, i->moment);
     if (status == NCGEN_OK)
-        status = misses(i, &in.driven, &missed);
+        status = misses(i, &in.driven, before, &missed);
     return status == NCGEN_OK && missed ? NCGEN_MOVED : status;
 }
 

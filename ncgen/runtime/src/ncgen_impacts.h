@@ -15,7 +15,7 @@ typedef struct ncgen_instant {
     ncgen_passage *passage;
     int n, count;
     ncgen_real *values, *before, *scales;        /* pairs (value, size) of each condition, now and before; scales (count) */
-    ncgen_real *slopes;                          /* count x (2 n + 1) */
+    ncgen_real *derivatives;                     /* count x (2 n + 1) */
     ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
     ncgen_real *kept, *prior, *numbers;          /* n, n: velocities before what is noted, what actions set */
     ncgen_real *arrived;                         /* n: velocities before the instant */
@@ -34,7 +34,7 @@ static inline int ncgen_is_closed(const ncgen_instant *i, int k)
 /* The derivatives of a condition by q and qd (n each) and t; of velocities of joints and ratchets those by qd stand first, and 0 for t. */
 static inline const ncgen_real *ncgen_gradient(const ncgen_instant *i, int k)
 {
-    return i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
+    return i->derivatives + (size_t)k * (size_t)(2 * i->n + 1);
 }
 
 /* The derivatives of a velocity at which a contact slides by qd. */
@@ -43,7 +43,7 @@ static inline const ncgen_real *ncgen_sliding_gradient(const ncgen_instant *i, i
     return i->sliding + i->events->n_sliding + (size_t)number * (size_t)i->n;
 }
 
-/* The values of the conditions, with their slopes and scales, at the moment. */
+/* The values of the conditions, with their derivatives and scales, at the moment. */
 int ncgen_look(ncgen_instant *i);
 
 /* Can a condition, or a velocity with these derivatives by qd, change with what is held? */

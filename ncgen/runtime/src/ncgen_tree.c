@@ -53,13 +53,13 @@ static inline void spread_change(const ncgen_tree_element *e, int count, const n
                                  ncgen_real *moved)
 {
     for (const ncgen_tree_element *end = e + count; e < end; ++e) {
-        ncgen_real speed[3], found[3];
+        ncgen_real speed[3], acceleration[3];
         ncgen_cross(twist, e->lever, speed);
-        ncgen_carried(e, change, found);
-        ncgen_add_cross(twist, speed, found);
-        moved[e->c[0]] = found[0];
-        moved[e->c[1]] = found[1];
-        moved[e->c[2]] = found[2];
+        ncgen_carried(e, change, acceleration);
+        ncgen_add_cross(twist, speed, acceleration);
+        moved[e->c[0]] = acceleration[0];
+        moved[e->c[1]] = acceleration[1];
+        moved[e->c[2]] = acceleration[2];
     }
 }
 
@@ -188,7 +188,6 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
 {
     const ncgen_tree *tree = w->tree;
     const int n = r->n;
-    ncgen_real energy[3] = {0, 0, 0};
     ncgen_tree_mass_at(r, w, t, q);
     int is_regular = go_outward(r, w, q, qd, 1) == NCGEN_OK;
     ncgen_copy(n, w->moved, out);
@@ -208,9 +207,8 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     for (int i = 0; i < tree->n_measured; ++i)
         w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
     ncgen_copy(n, w->moved, out + n);
-    if (!r->dynamics->conservative && ncgen_energies(r, t, q, out, energy) != NCGEN_OK)
+    if (ncgen_power(r, t, q, out, out + 2 * n) != NCGEN_OK)
         is_regular = 0;
-    out[2 * n] = energy[2];
     out[2 * n + 1] = growth_of(is_regular && ncgen_is_finite(2 * n, out));
 }
 

@@ -1,7 +1,7 @@
 /* ncgen_tree_solve.c: articulated inertias of an open tree, in loops over its tables, and what they give for forces.
  *
  * A joint takes from the inertia A beyond it what it does not pass on, A - U U'/d with U = A s and d = s'U for its screw s. Joints that follow
- * another one at a constant ratio are one group with it: their links hang on one carrier or on one another, and a link moves beside the
+ * another one at a constant ratio are one group with it: their links hang on one carrier or on one another, and a link moves relative to the
  * carrier by the ratios times the screws on the way, S z. So the carrier loses U U'/d with U = sum of A S and d = sum of S'A S, in which every
  * A is the inertia that a link carries without its group.
  */

@@ -210,8 +210,8 @@ class EventJacobians:
         """Constraints with other parameters, which positions satisfy. Raises ModelError where they would not after any change."""
         mode, at, n = self.functions.mode(done.before), done.before, self.n
         allowed = self._onto(self.mode(o.before, o.held_before), o.before, np.eye(len(time)))
-        rows, given = mode.holonomic, {"t": at.t, "q": at.q, "qd": 0 * at.qd, "qdd": 0 * at.qd, "lam": np.zeros(mode.m), "p": at.p}
-        J, by_p = mode.jacobian(at.q, at.t, at.p)[rows], mode.dense_tangent("phi_p", **given)[rows]
+        rows, arguments = mode.holonomic, {"t": at.t, "q": at.q, "qd": 0 * at.qd, "qdd": 0 * at.qd, "lam": np.zeros(mode.m), "p": at.p}
+        J, by_p = mode.jacobian(at.q, at.t, at.p)[rows], mode.dense_tangent("phi_p", **arguments)[rows]
         moved, time_by = change @ allowed, (time @ allowed)[None]
         factors = [(J, moved[:n]), (-mode.nu(at.q, at.t, at.p)[rows, None], time_by), (by_p, moved[2 * n :])]
         off, sizes = np.abs(sum(a @ b for a, b in factors)), sum(np.abs(a) @ np.abs(b) for a, b in factors)
@@ -227,8 +227,8 @@ class EventJacobians:
         functions, n, after = self.functions, self.n, change.copy()
         values = along(self.tangents.values(done.before), time, change)
         for name in done.locks:
-            place = self.kernels.parameters.index(self.kernels.model.locks[name].held)
-            after[2 * n + place] = self.impacts.element(f"{name}, place", values)
+            index = self.kernels.parameters.index(self.kernels.model.locks[name].held)
+            after[2 * n + index] = self.impacts.element(f"{name}, place", values)
         at = replace(done.after, qd=done.before.qd)
         after[n : 2 * n] = self._projected(functions.mode(at), at, done.after.qd, time, after)
         return after
@@ -264,9 +264,9 @@ class EventJacobians:
         """What the constraints of a mode allow of a change: that of a gap that comes to rest by bounces vanishes."""
         n = self.n
         dq, dqd, dp = np.split(change, [n, 2 * n])
-        given = {"t": at.t, "q": at.q, "qd": at.qd, "qdd": np.zeros(n), "lam": np.zeros(kernels.m), "p": at.p}
-        own = kernels.holonomic
-        missing = kernels.jacobian(at.q, at.t, at.p) @ dq + kernels.dense_tangent("phi_p", **given) @ dp
-        dq = dq + solved(kernels, at, np.zeros((0, n)), np.zeros_like(dq), -missing[own], own)[0]
+        arguments = {"t": at.t, "q": at.q, "qd": at.qd, "qdd": np.zeros(n), "lam": np.zeros(kernels.m), "p": at.p}
+        holonomic = kernels.holonomic
+        missing = kernels.jacobian(at.q, at.t, at.p) @ dq + kernels.dense_tangent("phi_p", **arguments) @ dp
+        dq = dq + solved(kernels, at, np.zeros((0, n)), np.zeros_like(dq), -missing[holonomic], holonomic)[0]
         dqd = self._projected(kernels, at, at.qd, np.zeros(change.shape[1]), np.vstack([dq, dqd, dp]))
         return np.vstack([dq, dqd, dp])

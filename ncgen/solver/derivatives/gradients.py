@@ -160,8 +160,8 @@ def gradient_batch(
     """Compute the gradients of a batch; arguments, results and errors as of `gradient` with rows."""
     checked_kernels(kernels)
     check_objective(objective)
-    given: dict[str, Any] = {**arguments}
-    batch = taped_batch(kernels, duration, steps, threads=threads, **given)
+    keywords: dict[str, Any] = {**arguments}
+    batch = taped_batch(kernels, duration, steps, threads=threads, **keywords)
     names = batch.names if by is None else names_of(by, "by", batch.names, "parameter or initial value")
     values, one_at_a_time = np.full(len(batch.states.q), np.nan), Lock()
 

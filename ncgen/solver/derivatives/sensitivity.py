@@ -243,8 +243,8 @@ def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "
         raise ModelError(f"options: {integrator} has none")
     make = partial(motion_from, integrator=integrator, tolerances=tolerances, signals=signals)
     if has_events(kernels.model):
-        given = start | ({"inputs": inputs} if inputs is not None else {}) | {"rtol": FINE if rtol is None else min(rtol, FINE)}
-        return EventMotion(kernels, initial, times, follows, signals, make, given)
+        simulation = start | ({"inputs": inputs} if inputs is not None else {}) | {"rtol": FINE if rtol is None else min(rtol, FINE)}
+        return EventMotion(kernels, initial, times, follows, signals, make, simulation)
     return make(kernels, initial, times, follows)
 
 
@@ -289,8 +289,8 @@ def _differentiable(integrator: str, twice: bool = False) -> Integrator:
     why = ""
     if integrator in INTEGRATORS and not INTEGRATORS[integrator].has_fixed_step:
         why = f"; {integrator} ends its iterations at the tolerance, so that its steps solve no equations that could be differentiated"
-    what = "second derivatives" if twice else "derivatives"
-    raise ModelError(f"integrator: {integrator!r} given; {what} go through steps of {', '.join(known)}{why}")
+    subject = "second derivatives" if twice else "derivatives"
+    raise ModelError(f"integrator: {integrator!r} given; {subject} go through steps of {', '.join(known)}{why}")
 
 
 def _implicit_motion(

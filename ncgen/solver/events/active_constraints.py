@@ -171,7 +171,7 @@ class ActiveConstraints:
                 change = JOINTS[2]
             if change:
                 search: Search = due.get(k, "sampled" if k in before else "action")
-                happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, what=change))
+                happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, transition=change))
         return happened
 
     def place(self, name: str) -> int:
@@ -189,16 +189,16 @@ class HeldChoice:
     ) -> None:
         self.owner, self.at, self._start, self._held = owner, at, at, held
         self._numbers = list(owner.rows)
-        functions, places = owner.functions, {k: place for place, k in enumerate(self._numbers)}
-        self.active = active = Active([self._kind(k) for k in places], [places.get(functions.gaps.get(k, -1), -1) for k in places])
-        for k, place in places.items():
-            active.before[place], active.rests[place], active.released[place] = k in held, k in resting, k in owner.left
-            active.still[place] = owner.is_still(k, at)
-            active.closed[place] = k not in functions.moving and k not in functions.contacts and owner.is_closed(k, at)
-            active.happened[place] = k in due and (k not in functions.contacts or owner.comes_to_rest(k, at))
+        functions, positions = owner.functions, {k: position for position, k in enumerate(self._numbers)}
+        self.active = active = Active([self._kind(k) for k in positions], [positions.get(functions.gaps.get(k, -1), -1) for k in positions])
+        for k, position in positions.items():
+            active.before[position], active.rests[position], active.released[position] = k in held, k in resting, k in owner.left
+            active.still[position] = owner.is_still(k, at)
+            active.closed[position] = k not in functions.moving and k not in functions.contacts and owner.is_closed(k, at)
+            active.happened[position] = k in due and (k not in functions.contacts or owner.comes_to_rest(k, at))
         for k, side in owner.left.items():
             if k in functions.frictions:
-                active.released[places[k]] = int(side[0])
+                active.released[positions[k]] = int(side[0])
         self._directions, self._tried = dict(owner.left), None
         self._mode: tuple[Kernels, LoadConditions] | None = None
 
@@ -270,14 +270,14 @@ class HeldChoice:
         owner, functions, at, p = self.owner, self.owner.functions, self._start, self.at.p.copy()
         values, sliding, released = functions.values(at)[0], functions.sliding(at), self.directions()
         for k, friction in functions.frictions.items():
-            place = owner.place(friction.slip)
-            p[place] = self.active.slip(self._numbers.index(k), p[place], np.sign(values[k]))
+            index = owner.place(friction.slip)
+            p[index] = self.active.slip(self._numbers.index(k), p[index], np.sign(values[k]))
         for k, contact in functions.contacts.items():
-            places, velocity = [owner.place(name) for name in contact.slip], sliding[k][0]
+            indices, velocity = [owner.place(name) for name in contact.slip], sliding[k][0]
             if k in wanted or functions.gaps[k] not in wanted:
-                p[places] = 0.0
+                p[indices] = 0.0
             elif k in released:
-                p[places] = released[k]
+                p[indices] = released[k]
             elif np.any(velocity):
-                p[places] = velocity if len(velocity) > 1 else np.sign(velocity)
+                p[indices] = velocity if len(velocity) > 1 else np.sign(velocity)
         return p

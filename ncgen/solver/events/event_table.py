@@ -56,8 +56,8 @@ class RubbingRow:
     @property
     def members(self) -> tuple[int, ...]:
         """In their order."""
-        place = (self.event, self.condition, self.turn, self.directions, self.first)
-        return (*place, *self.slip, self.value, self.poisson, self.gap, self.stick)
+        numbers = (self.event, self.condition, self.turn, self.directions, self.first)
+        return (*numbers, *self.slip, self.value, self.poisson, self.gap, self.stick)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +130,8 @@ class EventTable:
     def values(self) -> list[tuple[str, Scalar]]:
         """(words, value) of what actions set, of what holds where a motion begins, and of where things are."""
         beginnings = [(name, as_sympy(value)) for name, value in self.kernels.model.beginnings.items()]
-        places = [(f"{each.name}, place", each.position) for each in self.holdables if each.held]
-        return [*self._filled.values, *beginnings, *places, *self._of_contacts]
+        positions = [(f"{each.name}, place", each.position) for each in self.holdables if each.held]
+        return [*self._filled.values, *beginnings, *positions, *self._of_contacts]
 
     @property
     def _of_contacts(self) -> list[tuple[str, Scalar]]:
@@ -168,9 +168,9 @@ class EventTable:
         parameters, rows, load = self.kernels.parameters, list[HoldRow](), 0
         first = len(self._filled.values) + len(self.kernels.model.beginnings)
         for each in self.holdables:
-            places = [parameters.index(name) if name else -1 for name in (each.switch, each.held, each.slip)]
+            indices = [parameters.index(name) if name else -1 for name in (each.switch, each.held, each.slip)]
             rows.append(HoldRow(
-                kind=each.kind, condition=each.condition, on=places[0], held=places[1], value=first if each.held else -1, slip=places[2],
+                kind=each.kind, condition=each.condition, on=indices[0], held=indices[1], value=first if each.held else -1, slip=indices[2],
                 load=load,
             ))  # fmt: skip
             first += bool(each.held)
@@ -197,8 +197,8 @@ class EventTable:
     @cached_property
     def programs(self) -> list[Program]:
         """Of conditions, their slopes and rates, and of what actions set."""
-        own = assemble_conditions(self.equations, self.conditions, self.values, [], self.sliding).values()
-        return [*own, *(self.held.programs if self.held else ())]
+        conditions = assemble_conditions(self.equations, self.conditions, self.values, [], self.sliding).values()
+        return [*conditions, *(self.held.programs if self.held else ())]
 
     @property
     def follows_loads(self) -> bool:

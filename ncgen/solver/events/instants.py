@@ -147,13 +147,13 @@ class Instant:
             self._note_impulses(gaps, {}, hit, start)
 
     def _act(self, k: int, search: Search) -> None:
-        event, start, what = self.functions.events[k], self.at, ""
+        event, start, transition = self.functions.events[k], self.at, ""
         for action in event.do:
             if isinstance(action, Stop):
                 self.stops = True
             elif isinstance(action, Locking):
                 self.lock([action.lock]) if action.closes else self.free(action.lock)
-                what = LOCKS[0 if action.closes else 1]
+                transition = LOCKS[0 if action.closes else 1]
             elif isinstance(action, Call):
                 changes = action.function(self.at, self.kernels)
                 if changes is not None and not isinstance(changes, Mapping):
@@ -163,7 +163,7 @@ class Instant:
         self._set(self.functions.numbers(before).get(k, {}), event.name)
         self.done.append(Done(events=(k,), is_impact=False, before=before, after=self.at))
         self._keep_constraints()
-        self._note(event.name, search, start, what)
+        self._note(event.name, search, start, transition)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
         """Other inputs, parameters and velocities; those of other coordinates follow with the least kinetic energy of the change."""
@@ -223,11 +223,19 @@ class Instant:
             self.done.append(Done(events=tuple(hitting[number] for number in turn), is_impact=True, before=start, after=after))
             start = after
 
-    def _note(self, name: str, search: Search, start: State, what: str) -> None:
+    def _note(self, name: str, search: Search, start: State, transition: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
         self.happened.append(
             Happening(
-                t=start.t, name=name, search=search, q=start.q, before=start.qd, after=self.at.qd, impulse=0.0, energy_lost=lost, what=what
+                t=start.t,
+                name=name,
+                search=search,
+                q=start.q,
+                before=start.qd,
+                after=self.at.qd,
+                impulse=0.0,
+                energy_lost=lost,
+                transition=transition,
             )
         )
 
@@ -281,11 +289,11 @@ def _with_rates(kernels: Kernels, at: State, held: Mapping[int, float]) -> np.nd
 
     Raises ModelError naming a velocity that the constraints do not allow.
     """
-    places, wanted = list(held), np.array(list(held.values()))
+    indices, wanted = list(held), np.array(list(held.values()))
     qd = project_velocity(kernels, at.q, at.qd, at.t, at.p)
-    responses = response(kernels, at, np.eye(kernels.n)[places])
-    qd, failed = set_rates(responses, places, wanted, qd, kernels.column_sizes)
+    responses = response(kernels, at, np.eye(kernels.n)[indices])
+    qd, failed = set_rates(responses, indices, wanted, qd, kernels.column_sizes)
     if failed >= 0:
-        name = kernels.coordinates[places[failed]]
+        name = kernels.coordinates[indices[failed]]
         raise ModelError(f"rate({name}) cannot become {wanted[failed]:.6g} at t = {at.t:.6g} s: the constraints do not allow it")
     return qd

@@ -31,7 +31,7 @@ class Accelerations:
 
     entry: Formalism
     solve: Callable[..., tuple[np.ndarray, np.ndarray]]
-    own: tuple[str, ...]
+    option_names: tuple[str, ...]
 
     def motion(
         self,
@@ -49,7 +49,7 @@ class Accelerations:
         """
         options = {**self.entry.options, **options}
         now = instant(kernels, q, qd, t, p, rows, self.gains(options))
-        qdd, lam = now.accelerations(*self.solve(now, **{name: options[name] for name in self.own}))
+        qdd, lam = now.accelerations(*self.solve(now, **{name: options[name] for name in self.option_names}))
         power = float(kernels.energy(q, qd, t, p)[2] - kernels.nu(q, t, p) @ lam)
         return Motion(t=t, q=q, qd=qd, qdd=qdd, lam=lam, power=power, iterations=0)
 

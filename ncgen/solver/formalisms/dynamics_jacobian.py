@@ -28,8 +28,8 @@ def acceleration_jacobians(
 
     Forces of Python functions are not in it. Raises SingularError where accelerations are not determined.
     """
-    own, none = np.eye(kernels.n), np.zeros((kernels.n, kernels.n))
-    change = acceleration_changes(kernels, now, (np.hstack([own, none]), np.hstack([none, own])), p, rows, gains)
+    identity, none = np.eye(kernels.n), np.zeros((kernels.n, kernels.n))
+    change = acceleration_changes(kernels, now, (np.hstack([identity, none]), np.hstack([none, identity])), p, rows, gains)
     return change[:, : kernels.n], change[:, kernels.n :]
 
 
@@ -120,10 +120,10 @@ def independent_motions(
     kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """∂q/∂z, ∂q̇/∂ż and ∂q̇/∂z over all coordinates."""
-    place = kinematics(kernels, partitions.position, now.q, now.t, p)
+    position = kinematics(kernels, partitions.position, now.q, now.t, p)
     rate = kinematics(kernels, partitions.velocity, now.q, now.t, p)
-    bias = rate_slope(kernels, now, p) @ place.R
-    return place.R, rate.R, -rate.particular(bias)
+    bias = rate_slope(kernels, now, p) @ position.R
+    return position.R, rate.R, -rate.particular(bias)
 
 
 def _position_rows(kernels: Kernels, jacobian: np.ndarray) -> np.ndarray:

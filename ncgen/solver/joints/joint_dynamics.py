@@ -367,14 +367,14 @@ class JointDynamics(JointKinematics):
         )
         unit = np.broadcast_to(np.eye(self.n), needed[0].shape)
         solved = self._solved(q, np.concatenate([*(b - a for a, b in zip(needed, applied, strict=True)), unit], axis=-1))
-        return ForwardSlopes(*(np.array(part) for part in np.split(solved, 3, axis=-1)))
+        return ForwardSlopes(*(np.array(block) for block in np.split(solved, 3, axis=-1)))
 
     def _slopes(self, name: str, t: float, *state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """By positions and by rates (…, n, n), one direction after the other."""
         spread = [array[..., None, :] for array in state]
         unit, none = np.eye(self.n), np.zeros((self.n, self.n))
         parts = (self._slope_functions(name, t, *spread, self.p, *along) for along in ((unit, none), (none, unit)))
-        by_position, by_rate = (np.swapaxes(part, -1, -2) for part in parts)
+        by_position, by_rate = (np.swapaxes(half, -1, -2) for half in parts)
         return by_position, by_rate
 
     @cached_property
@@ -385,6 +385,6 @@ class JointDynamics(JointKinematics):
     @cached_property
     def _regressor_functions(self) -> ProgramFunctions:
         """Likewise; they depend on where the frames of links are."""
-        own = identification.frames(self)
-        inputs, size = {"joint_regressor": self.inputs["joint_inverse"]}, 10 * len(own) * self.n
-        return self._functions_of("regressor", inputs, lambda: {"joint_regressor": size}, f"regressor_{identification.key_of(own)}")
+        link_frames = identification.frames(self)
+        inputs, size = {"joint_regressor": self.inputs["joint_inverse"]}, 10 * len(link_frames) * self.n
+        return self._functions_of("regressor", inputs, lambda: {"joint_regressor": size}, f"regressor_{identification.key_of(link_frames)}")

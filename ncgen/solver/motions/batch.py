@@ -188,8 +188,8 @@ def simulate_batch(
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     states = _with_inputs(kernels, states, inputs, run.initial.p)
     if not np.isfinite(states.zd).all(axis=1).any():
-        given = "zd0" if qd0 is None else "qd0"
-        raise ModelError(f"{kernels.name}: {given} has numbers that are not finite in every state; correct them")
+        argument = "zd0" if qd0 is None else "qd0"
+        raise ModelError(f"{kernels.name}: {argument} has numbers that are not finite in every state; correct them")
     with reporting(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as advance:
         return side_by_side(kernels, run, method, states, threads, advance, inputs if run.signals else None)
 
@@ -217,10 +217,10 @@ def side_by_side(
     run: its times and tolerances; threads, progress: as of `simulate`; inputs: what changes with time, which lanes cannot follow
     """
     events: dict[int, tuple[Happening, ...]] = {}
-    if inputs:
+    if has_events(kernels.model):
+        done, events = through_events(kernels, run, method, states, threads, progress, inputs)
+    elif inputs:
         done = not_begun(run, states)
-    elif has_events(kernels.model):
-        done, events = through_events(kernels, run, method, states, threads, progress)
     else:
         done = _begun(kernels, run, method, states, threads, progress)
     exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))

@@ -273,8 +273,8 @@ class _Motion:
 
         def engine(path: Path, moved: Kernels, task: Task) -> str | None:
             if task.method.is_constrained:
-                own = form if moved is kernels or form == "dense" else acceleration_forms.form_of(moved, task.method)
-                return compiled.run_constrained(path, moved, task, own)
+                moved_form = form if moved is kernels or form == "dense" else acceleration_forms.form_of(moved, task.method)
+                return compiled.run_constrained(path, moved, task, moved_form)
             return compiled.run(path, kernels, task, dense)
 
         def whole(path: Path, kernels: Kernels, task: Task) -> str | None:
@@ -395,5 +395,5 @@ class _Motion:
             events=tuple(self.passage.happened),
             modes=modes,
             changed=bool(self.passage.changes),
-            own=method.formalism if method.formalism.user_object else None,
+            user_formalism=method.formalism if method.formalism.user_object else None,
         )

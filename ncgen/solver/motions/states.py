@@ -163,7 +163,7 @@ def those_in_lanes() -> str:
     return ", ".join(name for name, entry in INTEGRATORS.items() if entry.in_lanes)
 
 
-def _given(kernels: Kernels, what: str, given: Given | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
+def _given(kernels: Kernels, label: str, argument: Given | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
     """Rows, one row for all, or {name: number, or one a state} in place of the defaults, as an array.
 
     Raises ModelError for other things.
@@ -176,16 +176,16 @@ def _given(kernels: Kernels, what: str, given: Given | None, names: tuple[str, .
         except NcgenError as error:
             raise ModelError(str(error)) from None
 
-    if given is None:
+    if argument is None:
         return defaults
-    if not isinstance(given, Mapping):
-        return array(given, what)
-    for name in given:
-        known_name(name, names, what, "parameter" if what == "p" else "free coordinate")
-    columns = {name: array(value, f"{what}, {name}") for name, value in given.items()}
+    if not isinstance(argument, Mapping):
+        return array(argument, label)
+    for name in argument:
+        known_name(name, names, label, "parameter" if label == "p" else "free coordinate")
+    columns = {name: array(value, f"{label}, {name}") for name, value in argument.items()}
     counts = {column.shape for column in columns.values() if column.shape}
     if len(counts) > 1 or any(len(shape) > 1 for shape in counts):
-        raise ModelError(f"{kernels.name}: {what} has arrays of shapes {sorted(counts)}; give each name a number, or one for every state")
+        raise ModelError(f"{kernels.name}: {label} has arrays of shapes {sorted(counts)}; give each name a number, or one for every state")
     rows = np.tile(defaults, (*counts.pop(), 1)) if counts else np.array(defaults)
     for name, column in columns.items():
         rows[..., names.index(name)] = column
@@ -206,11 +206,11 @@ def _rates_given(
     for i in np.flatnonzero(finite).tolist():
         key = qd[i].tobytes() + q[i].tobytes() + p[i].tobytes()
         if key not in known:
-            given = qd[i] if names is None else {name: qd[i, kernels.index[name]] for name in names}
+            velocity = qd[i] if names is None else {name: qd[i, kernels.index[name]] for name in names}
             try:
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always")
-                    known[key] = given_velocity(kernels, given, q[i], t, p[i])[choice.places]
+                    known[key] = given_velocity(kernels, velocity, q[i], t, p[i])[choice.places]
             except (NcgenError, np.linalg.LinAlgError) as error:
                 faults[i] = str(error)
                 continue
@@ -244,11 +244,11 @@ def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np
         key = q[i].tobytes() + p[i].tobytes()
         if key not in positions_by_key:
             positions_by_key[key] = _assembled(kernels, q[i], t, p[i])
-        place = positions_by_key[key]
-        if isinstance(place, str):
-            faults[int(i)], q[i] = place, np.nan
+        position = positions_by_key[key]
+        if isinstance(position, str):
+            faults[int(i)], q[i] = position, np.nan
         else:
-            q[i] = place
+            q[i] = position
     return q, faults
 
 

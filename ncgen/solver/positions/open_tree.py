@@ -8,7 +8,7 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.tree.couplings import NoTables
-from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPlace
+from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPosition
 from ncgen.symbolic.tree import spanning_tree
 
 PARAMETER_PERTURBATION = 0.03
@@ -44,6 +44,6 @@ def _made(kernels: Kernels) -> OpenTree | None:
         return None
 
 
-def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> SampledPlace:
+def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> SampledPosition:
     phi, phi_q, mass = (kernels.values(name, t, q, None, p) for name in ("phi", "phi_q", "mass"))
-    return SampledPlace(q, phi / kernels.row_sizes, phi_q, mass)
+    return SampledPosition(q, phi / kernels.row_sizes, phi_q, mass)
