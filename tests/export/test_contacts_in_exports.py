@@ -25,7 +25,7 @@ from ncgen.exchange.export import export
 def expected(name: str) -> tuple[ncgen.Trajectory, list[float], float]:
     """Our own run of a model, the times of what exports count, and its duration."""
     run, end = own_run(MODELS[name]())
-    return run, sorted({each.t for each in run.events if 0 < each.t < end and each.what not in ("rests", "leaves")}), end
+    return run, sorted({each.t for each in run.events if 0 < each.t < end and each.transition not in ("rests", "leaves")}), end
 
 
 def some(names: dict, *usual: str) -> list:
