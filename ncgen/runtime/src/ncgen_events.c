@@ -382,13 +382,13 @@ int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const n
     int some = 0, status;
     begin(&i, d, events, (ncgen_real *)p, &here, passage);
     status = ncgen_look(&i);
-    const int by_state = nearly && events->n_holds, last = nearly ? i.count : n_events(&i);
-    if (by_state)
+    const int watches = nearly && events->n_holds, last = nearly ? i.count : n_events(&i);
+    if (watches)
         ncgen_enter_held(d, events, p, passage, &in);
-    if (by_state && status == NCGEN_OK)
+    if (watches && status == NCGEN_OK)
         status = ncgen_skip_blocked(&i, &in);
     for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
-        const int way = by_state ? passage->directions[k] : ncgen_way(events, p, k), clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
+        const int way = watches ? passage->directions[k] : ncgen_way(events, p, k), clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
         const int side = sign_of(i.values[2 * k]), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
         const int now = nearly || clear ? exactly : before;
         passage->due[k] = 0;
