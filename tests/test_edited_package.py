@@ -16,9 +16,9 @@ ROOT = Path(__file__).resolve().parents[1]
 GUIDE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
 
 
-def texts(section: str) -> list[str]:
-    """The pieces of Python in a section of the guide."""
-    return re.findall(r"```python\n(.*?)```", GUIDE.partition(f"## {section}\n")[2].partition("\n## ")[0], re.DOTALL)
+def texts(section: str, language: str = "python") -> list[str]:
+    """The pieces of code in a section of the guide."""
+    return re.findall(rf"```{language}\n(.*?)```", GUIDE.partition(f"## {section}\n")[2].partition("\n## ")[0], re.DOTALL)
 
 
 def inserted(path: Path, before: str, text: str) -> None:
@@ -30,7 +30,7 @@ def inserted(path: Path, before: str, text: str) -> None:
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory) -> Path:
-    """A copy of the package with a row type, a joint and an explicit method more; the catalogue is derived anew, as the guide says."""
+    """A copy of the package with a row type, a joint and two methods more; the catalogue is derived anew, as the guide says."""
     root = tmp_path_factory.mktemp("edited")
     for name in ("ncgen", "templates", "examples"):
         shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -43,6 +43,9 @@ def package(tmp_path_factory) -> Path:
     inserted(model / "own_constraints.py", "    @fact\n    def unit(", textwrap.indent(method, " " * 4))
     inserted(model / "joints.py", "    @fact\n    def revolute(", textwrap.indent(joint, " " * 4))
     inserted(root / "ncgen" / "methods" / "explicit.py", '    "rk4": Published(', explicit)
+    source, entry = (*texts("A method that steps the constraints", "c"), *texts("A method that steps the constraints"))
+    (root / "ncgen" / "runtime" / "src" / "ncgen_implicit_euler.c").write_text(source, encoding="utf-8")
+    inserted(root / "ncgen" / "methods" / "table.py", '        Integrator(name="adams"', textwrap.indent(entry.rstrip() + ",", " " * 8))
     ran(root, "-m", "ncgen.program.ir.catalogued")
     return root
 
@@ -116,6 +119,38 @@ except ncgen.NcgenError as error:
 """
 
 
-@pytest.mark.parametrize("program", [ROW_TYPE, JOINT, EXPLICIT], ids=["row type", "joint", "explicit method"])
+IMPLICIT = """
+import numpy as np
+import ncgen
+
+# On a plane that slopes by 45 degrees a mass falls with g/2 along either axis, and k steps of h from rest take it k (k + 1) h^2 g/4 there.
+m = ncgen.Model("slope")
+P, normal = m.point("P", (0, 0)), 0.5**0.5
+m.body("bob", [P], mass=2.0)
+m.constrain(normal * (P.x + P.y), "slope")
+m.gravity((0, -9.81))
+kernels = ncgen.compile(m, "c")
+run = ncgen.simulate(kernels, 1.0, integrator="implicit-euler", max_step=0.1, points=11)
+k = np.arange(11)
+assert np.allclose(run["P.y"], -k * (k + 1) * 0.01 * 9.81 / 4, rtol=0, atol=1e-12), run["P.y"]
+assert np.allclose(run["P.x"], -run["P.y"], rtol=0, atol=1e-12)
+
+# A pendulum loses energy, and comes twice as near with half the steps.
+kernels = ncgen.compile(ncgen.load("pendulum"), "c")
+exact = ncgen.simulate(kernels, 1.0, rtol=1e-12, points=2).q[-1]
+errors = [
+    np.abs(ncgen.simulate(kernels, 1.0, integrator="implicit-euler", max_step=h, points=2).q[-1] - exact).max() for h in (0.002, 0.001)
+]
+assert 1.9 < errors[0] / errors[1] < 2.1, errors
+try:
+    ncgen.sensitivities(kernels, 1.0, 10, integrator="implicit-euler")
+except ncgen.NcgenError as error:
+    assert "'implicit-euler' given; derivatives go through steps of" in str(error)
+else:
+    raise AssertionError("derivatives of steps whose equations nobody gave")
+"""
+
+
+@pytest.mark.parametrize("program", [ROW_TYPE, JOINT, EXPLICIT, IMPLICIT], ids=["row type", "joint", "explicit method", "implicit method"])
 def test_the_guide_is_complete(program, package):
     ran(package, "-c", program)

@@ -18,6 +18,7 @@ from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
+from ncgen.program.motions import step_equations
 from ncgen.solver.derivatives.event_motion import FINE, EventMotion, EventSensitivity
 from ncgen.solver.derivatives.objective import check_objective, filled, of_objective
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
@@ -282,7 +283,11 @@ def is_taped(kernels: Kernels, integrator: str) -> bool:
 
 def _differentiable(integrator: str, twice: bool = False) -> Integrator:
     """The entry of a method whose steps have derivatives, or second ones. Raises ModelError."""
-    known = {name: entry for name, entry in INTEGRATORS.items() if entry.tableau or (entry.has_fixed_step and not twice)}
+    known = {
+        name: entry
+        for name, entry in INTEGRATORS.items()
+        if entry.tableau or (entry.has_fixed_step and not twice and (entry.is_ordinary or name in step_equations.METHODS))
+    }
     if not isinstance(integrator, str):
         raise ModelError(f"integrator: {echo(integrator)} given; give a name, one of {', '.join(known)}")
     if integrator in known:
