@@ -201,17 +201,19 @@ def dot(a: Combination, b: Combination, value: Value, size: float, owner: Owner,
     )
 
 
-def affine(axis: int, e: Combination, a: Combination, b: Combination, cross_weight: Value, size: float, owner: Owner, label: str) -> Row:
-    """One component of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps."""
-    data = {"c": cross_weight, "L": size}
-    return Row(
-        owner=owner,
-        label=f"{label}.{AXES[axis]}",
-        code=None,
-        type=ROW_TYPES[f"affine-{AXES[axis]}"],
-        arguments={"e": e, "a": a, "b": b},
-        data=data,
-    )
+def affine(e: Combination, a: Combination, b: Combination, cross_weight: Value, size: float, owner: Owner, label: str) -> list[Row]:
+    """The components of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps."""
+    return [
+        Row(
+            owner=owner,
+            label=f"{label}.{axis}",
+            code=None,
+            type=ROW_TYPES[f"affine-{axis}"],
+            arguments={"e": e, "a": a, "b": b},
+            data={"c": cross_weight, "L": size},
+        )
+        for axis in AXES
+    ]
 
 
 def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
