@@ -33,7 +33,7 @@ def tables_of(tree: OpenTree) -> TreeTables:
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
         "n_measured": len(tree.measured), "n_rotors": len(tree.rotors),
-        "n_groups": len(tree.coupled.carriers),
+        "n_groups": len(tree.coupled.carriers), "n_closing": len(tree.closing),
         "most_rows": max(map(len, tree.closes)), "most_members": max(map(len, members)),
     }  # fmt: skip
     indices = {
@@ -61,6 +61,7 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "rotors": _flat([rotor[:2] for rotor in tree.rotors]),
         "row_start": _starts([len(rows) for rows in tree.closes]),
         "rows": _flat(tree.closes),
+        "closing": tree.closing,
         "own_start": _starts([len(entries) for entries in closing_entries]),
         "own": _flat(closing_entries),
         "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),

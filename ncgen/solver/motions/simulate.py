@@ -252,7 +252,7 @@ class _Motion:
                 return compiled.STIFFNESS_REASON
             self.choice = other
             if other.method.is_constrained:
-                return self._in_c(form)
+                return self._in_c(self._form() if form == "tree" else form)
             path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
             return self._refusal() or self._in_c("dense")
         except (SingularError, ModelError, ConvergenceError) as error:
