@@ -72,9 +72,7 @@ class OpenTree:
     Raises NoTables for any other mechanism.
     """
 
-    def __init__(
-        self, numbering: Numbering, tree: Tree, mass: Pattern, phi_q: Pattern, around: Around, closes_loops: bool = False
-    ) -> None:
+    def __init__(self, numbering: Numbering, tree: Tree, mass: Pattern, phi_q: Pattern, around: Around, closes_loops: bool = False) -> None:
         self.pattern, self.around, self.closes_loops = phi_q, around, closes_loops
         if not tree.links:
             raise NoTables("there are no bodies")
@@ -196,13 +194,25 @@ class OpenTree:
         """A link that two elements move with."""
         deeper, other = (a, b) if self.home[a] >= self.home[b] else (b, a)
         link = self.home[deeper]
-        if self.home[other] == link or self.elements[other] in self.tree.links[link].body.elements:
+        if self.home[other] == link:
             return link
-        both = {self.elements[a], self.elements[b]}
-        around_loop = [number for number, each in enumerate(self.tree.links) if self.closes_loops and both <= set(each.body.elements)]
-        if len(around_loop) != 1:
+        if self.elements[other] not in self.tree.links[link].body.elements or (self.closes_loops and not self._moves_with(other, link)):
             raise NoTables("a mass belongs to two bodies")
-        return around_loop[0]
+        return link
+
+    def _moves_with(self, element: int, link: int) -> bool:
+        """True where an element that belongs to a link before another one is moved by that link's joint as by its own; at the end of a loop
+        it is not."""
+        is_point = isinstance(self.elements[element], Point)
+        for x in self._random():
+            values, origins, twists = self._twists(self.around.q, x)
+            place = values[self.components[element]]
+            (turning, along), own = twists[link], self.velocities(self.around.q, x)[self.components[element]]
+            carried = _cross(turning, place - is_point * origins[link]) + is_point * along
+            size = np.max(np.abs(turning)) * np.max(np.abs(place)) + np.max(np.abs(along))
+            if np.max(np.abs(own - carried)) > RELATIVE_TOLERANCE * size:
+                return False
+        return True
 
     # -- rows ----------------------------------------------------------------------------------
 
@@ -317,10 +327,22 @@ class OpenTree:
 
     def velocities(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """q̇ (n,) at rates of the joints, those of fixed components behind it: (n + fixed,)."""
+        values, origins, twists = self._twists(q, rates)
+        qd = np.zeros(len(values))
+        turning, along = np.array(twists)[self.home].transpose(1, 0, 2)
+        is_point = np.array([isinstance(element, Point) for element in self.elements])[:, None]
+        levers = values[self.components] - np.where(is_point, np.array(origins)[self.home], 0.0)
+        qd[self.components] = np.cross(turning, levers) + np.where(is_point, along, 0.0)
+        for c, (k, ratio) in self.measured.items():
+            qd[c] = ratio * rates[k]
+        return qd
+
+    def _twists(self, q: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, list[np.ndarray], list[tuple[np.ndarray, np.ndarray]]]:
+        """Components, fixed ones behind the coordinates, and of every link where its reference point is, its angular velocity and that
+        point's velocity."""
         values = np.append(q, [component.initial for component in self.fixed])
         axes = [sum((weight * values[c] for weight, c in terms), np.zeros(3)) for terms in self.terms]
         origins = [values[c] for c in self.references]
-        qd = np.zeros(len(values))
         twists: list[tuple[np.ndarray, np.ndarray]] = []
         for number, link in enumerate(self.tree.links):
             turning, along = np.zeros(3), np.zeros(3)
@@ -333,13 +355,7 @@ class OpenTree:
                 else:
                     turning = turning + rates[k] * axes[k]
             twists.append((turning, along))
-        turning, along = np.array(twists)[self.home].transpose(1, 0, 2)
-        is_point = np.array([isinstance(element, Point) for element in self.elements])[:, None]
-        levers = values[self.components] - np.where(is_point, np.array(origins)[self.home], 0.0)
-        qd[self.components] = np.cross(turning, levers) + np.where(is_point, along, 0.0)
-        for c, (k, ratio) in self.measured.items():
-            qd[c] = ratio * rates[k]
-        return qd
+        return values, origins, twists
 
     def _check(self, sample: SampledPosition) -> None:
         """Raise NoTables where a row does not allow what the joints do, or lets more move."""

@@ -118,6 +118,7 @@ typedef struct ncgen_tree {
     const ncgen_scalar *fixed;     /* values of the fixed components */
     int n_closing;
     const int *closing;            /* rows that do not allow all that the joints do, such as those that close loops; of no link */
+    const int *way_start, *way;    /* n_closing + 1: the links that carry a closing row's coordinates, with those before them, the last first */
 } ncgen_tree;
 
 typedef struct ncgen_dynamics {

@@ -1,8 +1,8 @@
 /* ncgen_tree_loops.c: rows that close loops of a tree of bodies, or couple motions of its joints.
  *
- * What a force along a row, Phi_q', changes in the accelerations of the open tree is one pass inward and one outward with the momenta and
- * pivots that are there. So the multipliers of c rows solve a system of c equations (the Schur complement): G lam = missing with
- * G = Phi_q T (T'M T)^-1 T' Phi_q'. Rows that others imply are left out by pivoting.
+ * The multipliers of c rows solve a system of c equations (the Schur complement): G lam = missing with G = Phi_q T (T'M T)^-1 T' Phi_q'.
+ * A row needs one pass inward, over the links between its own and the ground alone, with the momenta and pivots that are there; then all
+ * multipliers together one pass over the tree. Rows that others imply are left out by pivoting.
  */
 #include "ncgen_tree_loops.h"
 #include "ncgen_tree_rates.h"
@@ -23,8 +23,23 @@ static ncgen_real row_times(const ncgen_run *r, const ncgen_tree_work *w, int ro
     return sum;
 }
 
-/* Accelerations of the coordinates of a tree at rest under the forces in w->force. */
-static void respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *response)
+/* A force along a row, in w->force. */
+static void add_row(const ncgen_run *r, ncgen_tree_work *w, int row, ncgen_real force)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s)
+        w->force[phi_q->indices[s]] += force * w->jacobian[s];
+}
+
+static void clear_row(const ncgen_run *r, ncgen_tree_work *w, int row)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s)
+        w->force[phi_q->indices[s]] = 0;
+}
+
+/* x += accelerations of the coordinates of the open tree under the forces in w->force, where nothing else acts or moves. */
+static void respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
 {
     const ncgen_tree *tree = w->tree;
     for (int k = 0; k < tree->n_screws; ++k)
@@ -42,10 +57,10 @@ static void respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *response
             ncgen_carried(e, own->wrench, moved);
             for (int i = 0; i < 3; ++i)
                 if (e->c[i] < r->n)
-                    response[e->c[i]] = moved[i];
+                    x[e->c[i]] += moved[i];
         }
     for (int i = 0; i < tree->n_measured; ++i)
-        response[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
+        x[tree->measured[2 * i]] += tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
 }
 
 /* G = L D L' with the largest pivot first, in w->square by w->order: the number of rows that are independent. */
@@ -86,23 +101,54 @@ static int factor(ncgen_tree_work *w)
     return c;
 }
 
-/* Responses of the tree to all closing rows, and their factored matrix. */
-static void find_responses(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t)
+/* What is left of a force along a closing row for every screw on its links' way to the ground, where the joints beyond take their part. */
+static void go_inward(const ncgen_run *r, ncgen_tree_work *w, int closing, ncgen_real *left)
 {
     const ncgen_tree *tree = w->tree;
-    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
-    const int n = r->n, c = tree->n_closing;
-    ncgen_phi_q(r, t, w->values, w->jacobian);
-    for (int i = 0; i < c; ++i) {
-        const int row = tree->closing[i];
-        for (int k = 0; k < n; ++k)
-            w->force[k] = 0;
-        for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s)
-            w->force[phi_q->indices[s]] = w->jacobian[s];
-        respond(r, w, w->responses + (size_t)i * (size_t)n);
-        for (int j = 0; j < c; ++j)
-            w->square[j * c + i] = row_times(r, w, tree->closing[j], w->responses + (size_t)i * (size_t)n);
+    const int begin = tree->way_start[closing], end = tree->way_start[closing + 1];
+    for (int i = 0; i < tree->n_screws + tree->n_groups; ++i)
+        left[i] = 0;
+    for (int i = 0; i < tree->n_measured; ++i)
+        left[tree->measured[2 * i + 1]] += tree->ratios[i] * w->force[tree->measured[2 * i]];
+    for (int i = begin; i < end; ++i)
+        ncgen_set6(ncgen_nothing, w->link[tree->way[i]].wrench);
+    (void)r;
+    for (int i = begin; i < end; ++i) {
+        ncgen_tree_link *own = w->link + tree->way[i];
+        ncgen_tree_push_link(w, tree->way[i], left, left + tree->n_screws);
+        if (own->parent >= 0)
+            ncgen_add_wrench(own->wrench, own->offset, w->link[own->parent].wrench);
     }
+}
+
+/* The matrix of the closing rows, factored. With L D L' = T'M T as the recursion has it, G = Y' D^-1 Y, where L Y = T' Phi_q'. */
+static void find_matrix(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t)
+{
+    const ncgen_tree *tree = w->tree;
+    const int c = tree->n_closing, width = tree->n_screws + tree->n_groups;
+    ncgen_phi_q(r, t, w->values, w->jacobian);
+    for (int k = 0; k < r->n; ++k)
+        w->force[k] = 0;
+    for (int i = 0; i < c; ++i) {
+        add_row(r, w, tree->closing[i], 1);
+        go_inward(r, w, i, w->left + (size_t)i * (size_t)width);
+        clear_row(r, w, tree->closing[i]);
+    }
+    for (int k = 0; k < tree->n_screws; ++k)
+        w->weights[k] = w->screw[k].pivot;
+    for (int link = 0; link < (tree->n_groups ? tree->n_links : 0); ++link)
+        for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k)
+            w->weights[k] = tree->coupling[link] < 0 ? w->weights[k] : 0;
+    for (int group = 0; group < tree->n_groups; ++group)
+        w->weights[tree->n_screws + group] = w->group[2 * group];
+    for (int i = 0; i < c; ++i)
+        for (int j = 0; j <= i; ++j) {
+            const ncgen_real *a = w->left + (size_t)i * (size_t)width, *b = w->left + (size_t)j * (size_t)width;
+            ncgen_real sum = 0;
+            for (int k = 0; k < width; ++k)
+                sum += w->weights[k] * a[k] * b[k];
+            w->square[i * c + j] = w->square[j * c + i] = sum;
+        }
     w->n_independent = factor(w);
     w->most_independent = w->n_independent > w->most_independent ? w->n_independent : w->most_independent;
     w->are_there = 1;
@@ -112,7 +158,7 @@ int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
 {
     const int n = r->n, c = w->tree->n_closing;
     if (!w->are_there)
-        find_responses(r, w, t);
+        find_matrix(r, w, t);
     const int count = w->n_independent;
     const ncgen_real *a = w->square;
     for (int i = 0; i < c; ++i)
@@ -126,9 +172,11 @@ int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         for (int i = k + 1; i < count; ++i)
             lam -= a[row * c + w->order[i]] * w->missing[w->order[i]];
         w->missing[row] = lam;
-        const ncgen_real *response = w->responses + (size_t)row * (size_t)n;
-        for (int i = 0; i < n; ++i)
-            x[i] += lam * response[i];
     }
+    for (int i = 0; i < n; ++i)
+        w->force[i] = 0;
+    for (int k = 0; k < count; ++k)
+        add_row(r, w, w->tree->closing[w->order[k]], w->missing[w->order[k]]);
+    respond(r, w, x);
     return !w->is_near_singular && count == w->most_independent;
 }

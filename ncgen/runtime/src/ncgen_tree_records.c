@@ -10,7 +10,8 @@ static void lay_out_loops(ncgen_run *r, ncgen_tree_work *w)
 {
     const int count = w->tree->n_closing;
     w->are_there = w->is_near_singular = w->n_independent = w->most_independent = 0;
-    w->responses = ncgen_take(&r->space, r->n * count);
+    w->left = ncgen_take(&r->space, (w->tree->n_screws + w->tree->n_groups) * count);
+    w->weights = ncgen_take(&r->space, w->tree->n_screws + w->tree->n_groups);
     w->square = ncgen_take(&r->space, count * count);
     w->own = ncgen_take(&r->space, count);
     w->missing = ncgen_take(&r->space, count);

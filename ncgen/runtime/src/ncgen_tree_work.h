@@ -92,9 +92,9 @@ typedef struct ncgen_tree_work {
     ncgen_real *first, *placed;  /* n + n_fixed: the first position of the run, and one in closed form */
     ncgen_real *axes;            /* 4 a screw: its unit axis in the first position, and how long that was */
     ncgen_real *travel;          /* of a screw: its rate summed up since then */
-    int are_there, is_near_singular; /* are responses those of the position in `values`? Are closing rows about to depend on each other? */
+    int are_there, is_near_singular; /* is the matrix of closing rows that of the position in `values`? Are closing rows about to depend on each other? */
     int n_independent, most_independent; /* closing rows here, and anywhere so far */
-    ncgen_real *responses;       /* n a closing row: accelerations of the open tree under a force along the row */
+    ncgen_real *left, *weights;  /* n_screws + n_groups a closing row: what of a force along it every screw and group sees; their 1 / pivots */
     ncgen_real *square, *own;    /* n_closing squared: the matrix of their products with rows, factored; its diagonal before */
     ncgen_real *missing;         /* n_closing: of the rows, then multipliers */
     ncgen_real *gamma;           /* n_rows: of accelerations, or of positions */

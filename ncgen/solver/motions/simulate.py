@@ -200,6 +200,7 @@ class _Motion:
             refused = self._in_c(form)
             if refused == compiled.STIFFNESS_REASON:
                 refused = self._go_on_implicit(form)
+                form = self._form() if form == "tree" else form
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it continues in Python")
         if refused is not None:
