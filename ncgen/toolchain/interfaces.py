@@ -54,8 +54,8 @@ def interface(declarations: str, base: Interface | None = None) -> Interface:
     if description is None:
         description = _described(texts)
         keep(KIND, key, description)
-    fields = {name: _restored(value) for name, value in description.items()}
-    return _cffi_backend.FFI(key, **fields, **({} if base is None else {"_includes": (base,)}))
+    fields = {name: _restored(value) for name, value in description.items()} | ({} if base is None else {"_includes": (base,)})
+    return _cffi_backend.FFI(key, **fields)
 
 
 def _texts(declarations: str, base: Interface | None) -> Texts:
