@@ -181,7 +181,7 @@ class BodyElements(OwnConstraints):
             self.extend(self.ground, rest_point)
             offset = frame.origin - rest_point
             size = measures.natural_length(offset, self.extent())
-            made = [row.affine(axis, offset, offset, offset, 0.0, size, owner, f"rest of {frame.origin.name}") for axis in range(3)]
+            made = row.affine(offset, offset, offset, 0.0, size, owner, f"rest of {frame.origin.name}")
         for number in range(frame.resting or 0, min(len(frame.directions), 2)):
             direction = frame.directions[number]
             if number == 0:

@@ -199,15 +199,20 @@ def _in_order(lists: dict[str, tuple[str, list[Variable]]]) -> list[Group]:
 def _event_variables(events: EventTable) -> dict[str, tuple[str, list[Variable]]]:
     """Conditions of events, loads of what is held among them, and counts."""
     conditions = [
-        Variable(name=f"condition({name})", unit="", description=f"condition of event {name}", causality="local") for name in events.names
+        Variable(name=f"condition({name})", unit="", description=f"condition of event {name}", causality="local")
+        for name in events.condition_names
     ]
+    squares = {each.name for each in events.holdables if each.sticks}
+    left = "what its load has left, 1 where it is not held"
     conditions += [
         Variable(
-            name=f"load({name})", unit="N", description=f"condition of event {name}: what its load has left, 1 where it is not held",
+            name=f"load({name})",
+            unit="" if name in squares else "N",
+            description=f"condition of event {name}: {left}",
             causality="local",
         )
         for name in events.loads
-    ]  # fmt: skip
+    ]
     attributes = {"causality": "output", "variability": "discrete", "initial": "exact", "start": 0.0}
     counts = [
         Variable(name=f"count({name})", unit="", description=f"how often event {name} has happened", **attributes) for name in events.names

@@ -41,6 +41,7 @@ class Sliding:
 
     velocity: its sliding velocity (m/s), one expression in the plane, two in space; slip: as of `Contact`
     is_joint: whether the load may push and pull; across: number of another constraint, with which the load is √(λ² + λ'²)
+    may_rest: whether its slip may be zero, where there is no friction of it
     """
 
     name: str
@@ -50,6 +51,7 @@ class Sliding:
     slip: tuple[str, ...]
     is_joint: bool = False
     across: int | None = None
+    may_rest: bool = False
 
     @property
     def words(self) -> str:
@@ -136,7 +138,11 @@ def _direction(lines: Lines, sliding: Sliding) -> dict[int, int]:
         side = graph.call("sign", graph.sum([graph.mul(w, d) for w, d in zip(velocities, unit, strict=True)]))
         begun = [graph.mul(graph.const(MIN_SLIDING_VELOCITY), d) for d in unit]
         whole = [graph.add(graph.mul(side, w), d) for w, d in zip(velocities, begun, strict=True)]
-        size = graph.call("sqrt", graph.sum([graph.mul(w, w) for w in whole]))
+        squares = [graph.mul(w, w) for w in whole]
+        if sliding.may_rest:  # 0 / 1, not 0 / 0
+            slips = graph.call("sign", graph.sum([graph.call("abs", d) for d in unit]))
+            squares.append(graph.sub(graph.const(1.0), slips))
+        size = graph.call("sqrt", graph.sum(squares))
         unit = [graph.div(w, size) for w in whole]
     rates = [graph.load("qd", c) for c in range(n)]
     sums: dict[int, list[int]] = {}

@@ -83,7 +83,7 @@ static int pull_and_friction(ncgen_real t, const ncgen_real *q, const ncgen_real
 void ncgen_linked_set_pull(int acts)
 {
     here.own.dynamics.external = here.with_drives.dynamics.external = here.held.dynamics.external = acts ? pull : NULL;
-    if (here.events.follows_loads)
+    if (here.events.rubs)
         here.held.dynamics.external = acts ? pull_and_friction : here.friction;
     here.own.dynamics.conservative = here.with_drives.dynamics.conservative = here.held.dynamics.conservative = here.is_conservative && !acts;
 }
@@ -156,7 +156,8 @@ static int events_in_state(void)
 static int of_events(const int *integers)
 {
     const int count = here.events.count, all = count + here.events.n_loads, samples = (here.watched.degree + 3) * 2 * all;
-    return count > 0 ? samples + NCGEN_EVENTS_WORKSPACE(count, here.events.most, here.n, here.n_values) + 3 * here.n + 2 * all : 0;
+    const int values = here.n_values + (here.n + 1) * here.events.n_sliding, others = 3 * here.n + 2 * all + 2 * here.events.n_holds;
+    return count > 0 ? samples + NCGEN_EVENTS_WORKSPACE(count, here.events.most, here.n, values) + others : 0;
 }
 
 /* Of everything that is kept between calls. */
@@ -200,7 +201,8 @@ static void place_events(const int *integers, const ncgen_real *numbers)
     here.watched.samples = multipliers + most_rows();
     passage.room = here.watched.samples + (here.watched.degree + 3) * 2 * all;
     friction_forces = passage.room + 2 * here.n + 2 * all;
-    passage.workspace = friction_forces + here.n;
+    passage.ways = friction_forces + here.n;
+    passage.workspace = passage.ways + 2 * here.events.n_holds;
 }
 
 size_t ncgen_linked_size(const int *integers)

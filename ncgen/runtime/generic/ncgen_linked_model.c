@@ -2,10 +2,11 @@
 #include "ncgen_linked_model.h"
 #include "ncgen_state.h"
 
-enum { HEAD = 39, FIRST_FUNCTION = 21 };
+enum { HEAD = 43, FIRST_FUNCTION = 24 };
 enum { PHI, PHI_Q, NU, GAMMA, MASS, FORCE, ENERGY, SWITCHES, CONDITIONS, DERIVATIVES, RATES, VALUES };
-enum { HELD_PHI = 12, HELD_PHI_Q, HELD_NU, HELD_GAMMA, HELD_CONDITIONS, FRICTION };
-enum { COUNT = 10, MOST, ACTIONS, LAW, SET_NUMBERS, DEGREE, N_EVENTS, HOLDS, LOADS, OWN, HELD_ROWS, ACTION_SIZE = 4, HOLD_SIZE = 7 };
+enum { HELD_PHI = 12, HELD_PHI_Q, HELD_NU, HELD_GAMMA, HELD_CONDITIONS, FRICTION, SLIDING };
+enum { COUNT = 10, MOST, ACTIONS, LAW, SET_NUMBERS, DEGREE, N_EVENTS, HOLDS, LOADS, OWN, HELD_ROWS, FOLLOWS_LOADS, RUBBINGS, VELOCITIES };
+enum { ACTION_SIZE = 4, HOLD_SIZE = 7, RUBBING_SIZE = 11 };
 
 static int function_of(const int *integers, int which)
 {
@@ -62,7 +63,8 @@ static void read_held(ncgen_linked_model *l, const int *integers, const int *at)
     l->events.held_dynamics = &l->held.dynamics;
     l->events.held_conditions = at_velocity(integers, HELD_CONDITIONS);
     l->friction = at_velocity(integers, FRICTION);
-    l->events.follows_loads = l->friction != NULL;
+    l->events.rubs = l->friction != NULL;
+    l->events.follows_loads = integers[FOLLOWS_LOADS];
 }
 
 /* at: where directions begin among the integers */
@@ -90,6 +92,10 @@ static void read_events(ncgen_linked_model *l, const int *integers, const int *a
     l->events.n_holds = integers[HOLDS];
     l->events.n_loads = integers[LOADS];
     l->events.holds = (const ncgen_hold *)(const void *)taken(&at, HOLD_SIZE * l->events.n_holds);
+    l->events.n_rubbings = integers[RUBBINGS];
+    l->events.n_sliding = integers[VELOCITIES];
+    l->events.rubbings = (const ncgen_rubbing *)(const void *)taken(&at, RUBBING_SIZE * l->events.n_rubbings);
+    l->events.sliding = at_velocity(integers, SLIDING);
     l->own_places = taken(&at, l->n_own);
     if (l->events.n_holds > 0)
         read_held(l, integers, at);
