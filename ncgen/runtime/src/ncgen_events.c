@@ -435,11 +435,13 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
+    int repeated = 0;
     if (*passage->stopped)
         return NCGEN_STOPPED;
     const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
+        const ncgen_scalar from = moment->t;
         ncgen_entered in;
         status = ncgen_enter_present(d, events, p, moment, passage, &in);
         const ncgen_driven *mode = &in.driven;
@@ -454,6 +456,9 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
             ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         if (status == NCGEN_OK)
             status = ncgen_apply_events(d, events, p, moment, passage);
+        repeated = moment->t > from ? 0 : repeated + 1;
+        if (status == NCGEN_OK && repeated > NCGEN_MOST_REPEATED)
+            status = NCGEN_ENDLESS;
     }
     return status;
 }
