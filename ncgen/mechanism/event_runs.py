@@ -268,7 +268,7 @@ class EventRuns:
         self._modes.append(mechanism)
         counts = {"n_velocities": table.n_velocities, "n_holds": len(rows), "n_loads": loads}
         follows = int(mechanism.friction != 0)
-        return {**members, **counts, "held_conditions": self._function(mechanism.conditions), "follows_loads": follows}
+        return {**members, **counts, "held_conditions": self._function(mechanism.conditions), "follows_loads": follows, "rubs": follows}
 
     def _modes_in_c(self, holds: bool) -> dict[str, Any]:
         """The modes as C has them; where gaps may be held, an empty one comes first, which no gaps choose."""

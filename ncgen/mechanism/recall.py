@@ -166,7 +166,7 @@ def _generator(*more: str) -> str:
     more: further packages that have a part in it
     """
     made_with = hashlib.sha256()
-    for path in package_files("model", "symbolic", "program", "methods", "emit", "runtime", "templates", *more):
+    for path in package_files(*(more or ("model", "symbolic", "program", "methods", "emit", "runtime", "templates"))):
         made_with.update(f"{path.name}\n".encode() + hashlib.sha256(path.read_bytes()).digest())
-    versions = [platform.python_version(), *(f"{name} {version(name)}" for name in PACKAGES)]
-    return "\n".join([*versions, made_with.hexdigest()])
+    others = [_generator()] if more else [platform.python_version(), *(f"{name} {version(name)}" for name in PACKAGES)]
+    return "\n".join([*others, made_with.hexdigest()])

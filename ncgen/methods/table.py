@@ -75,6 +75,14 @@ class Integrator:
         return Tableau.of(self.tableau)
 
     @property
+    def step_in_c(self) -> tuple[str, str] | None:
+        """The functions in C that take a step of a method that discretises the constrained equations, without tangents and with."""
+        word = f"ncgen_{self.name.replace('-', '_')}"
+        if self.is_ordinary or not self.in_c:
+            return None
+        return word, word if self.tangents == "always" else f"{word}_with_tangents"
+
+    @property
     def takes_recursion(self) -> bool:
         """True if a recursion over the tree of bodies serves it as state derivative in C."""
         return self.tableau is not None or self.tangents == "unless_recursive"

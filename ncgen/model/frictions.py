@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ncgen.errors import ModelError
+from ncgen.model.catalogue import ROW_TYPES
 from ncgen.model.displacements import Displacement
 from ncgen.model.elements import Component, Relative
 from ncgen.model.expressions import is_symbolic, symbols_in
@@ -141,7 +142,7 @@ class Frictions(OneSided):
             raise ModelError(f"{where}: {conflicts[0]} does not go with the friction of a load; leave it out, or coefficient and load")
         rows = [row for row in (load, across) if row is not None]
         for row in rows:
-            if row.type is not None:
+            if row.type is not None and row.type is not ROW_TYPES["follow"]:
                 raise ModelError(
                     f"{where}: load {row.label} is a scaled constraint, whose multiplier is no force; write it by m.constrain, in m"
                 )

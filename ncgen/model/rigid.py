@@ -214,7 +214,7 @@ def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Paramet
         if weight != 0.0:
             e = e - other * weight
     a, b = (frame.directions[0], frame.directions[1]) if frame.is_crossed or turned != 0.0 else (e, e)
-    return [row.affine(axis, e, a, b, turned, size, frame.owner, f"combination {element.name}") for axis in range(3)]
+    return row.affine(e, a, b, turned, size, frame.owner, f"combination {element.name}")
 
 
 def _weights(frame: Frame, direction: Combination, size: float) -> list[float]:

@@ -21,7 +21,7 @@ from ncgen.model.elements import Component
 from ncgen.model.forces import FORCE_TYPES
 from ncgen.model.values import Parameter, Value, is_number
 from ncgen.model.values import evaluate as evaluated
-from ncgen.symbolic import templates
+from ncgen.symbolic import force_templates, mass_templates, templates
 from ncgen.symbolic.equations import Equations
 from ncgen.symbolic.templates import SCALE, Template
 from ncgen.symbolic.term import LinearForm, Term
@@ -47,15 +47,16 @@ def drive() -> Template:
 def push() -> Template:
     """A constant force along a scalar, whose work is counted."""
     (f,) = templates.symbols(["f"])
-    return templates.user_force("push", ("x",), ("f",), {0: f})
+    return force_templates.user_force("push", ("x",), ("f",), {0: f})
 
 
 @cache
 def types() -> tuple[Template, ...]:
     """The types of terms, in the order of their numbers."""
     rows = tuple(map(templates.row_template, ROW_TYPES))
-    masses = (templates.mass_diagonal(), templates.mass_pair(), templates.cross_product_body())
-    return (*rows, drive(), *masses, templates.weight(), templates.energy_offset(), *map(templates.force_template, FORCE_TYPES), push())
+    masses = (mass_templates.mass_diagonal(), mass_templates.mass_pair(), mass_templates.cross_product_body())
+    weights = (mass_templates.weight(), mass_templates.energy_offset())
+    return (*rows, drive(), *masses, *weights, *map(force_templates.force_template, FORCE_TYPES), push())
 
 
 class Placed(NamedTuple):

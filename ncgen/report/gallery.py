@@ -41,7 +41,7 @@ def _degrees_of_freedom(model: Model) -> dict:
     freedoms = freedom(compile(model, backend="numpy"))
     return {
         "coordinates": len(model.components),
-        "rows": len(model.rows),
+        "constraints": len(model.rows),
         "dof": freedoms.dof,
         "redundant": len(freedoms.redundant),
     }

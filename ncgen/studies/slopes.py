@@ -77,7 +77,7 @@ class Slopes:
         off = float(np.max(np.abs(motion.q[-1] - end) / self.kernels.column_sizes, initial=0.0))
         return (
             gradients,
-            f"gradient: its {study.steps} steps end {off:.1g} beside the motion; take more steps" if off > MAX_END_DIFFERENCE else None,
+            f"gradient: its {study.steps} steps end {off:.1g} away from the motion; take more steps" if off > MAX_END_DIFFERENCE else None,
         )
 
     def _all(self, motion: Motion, q0: Any) -> dict[str, float]:

@@ -14,7 +14,7 @@ from ncgen.model.elements import Component
 from ncgen.model.forces import Rotor
 from ncgen.model.rows import Owner
 from ncgen.model.values import Scalar, Value, as_sympy, is_number
-from ncgen.symbolic import templates
+from ncgen.symbolic import mass_templates
 from ncgen.symbolic.inertia import Exact, StandardInertia, centre_weights, standard_inertia
 
 if TYPE_CHECKING:
@@ -76,8 +76,8 @@ def _mass_term(pair: tuple[Component, Component], amount: Amount, owner: Owner) 
     label = a.name if a is b else f"{a.name} {b.name}"
     value = _rounded(amount, f"mass of {label}")
     if a is b:
-        return Term(template=templates.mass_diagonal(), scalars=(((1.0, a),),), data=(value,), owner=owner, label=label)
-    return Term(template=templates.mass_pair(), scalars=(((1.0, a),), ((1.0, b),)), data=(value,), owner=owner, label=label)
+        return Term(template=mass_templates.mass_diagonal(), scalars=(((1.0, a),),), data=(value,), owner=owner, label=label)
+    return Term(template=mass_templates.mass_pair(), scalars=(((1.0, a),), ((1.0, b),)), data=(value,), owner=owner, label=label)
 
 
 def _add_weight(weight: dict[Component, Amount], standard: StandardInertia, gravity: Sequence[Value]) -> None:
@@ -104,7 +104,7 @@ def _weight_terms(weight: Mapping[Component, Amount], owner: Owner, released: Co
         else:
             terms.append(
                 Term(
-                    template=templates.weight(),
+                    template=mass_templates.weight(),
                     scalars=(((1.0, component),),),
                     data=(_rounded(force, f"weight of {component.name}"),),
                     owner=owner,
@@ -114,7 +114,7 @@ def _weight_terms(weight: Mapping[Component, Amount], owner: Owner, released: Co
     if offset != 0:
         terms.append(
             Term(
-                template=templates.energy_offset(),
+                template=mass_templates.energy_offset(),
                 scalars=(),
                 data=(_rounded(offset, "potential of fixed points"),),
                 owner=owner,
@@ -134,7 +134,9 @@ def _cross_product_terms(body: Body, standard: StandardInertia, gravity: Sequenc
     data = tuple(_rounded(v, f"body {body.name}, inertia") for v in (*last, *pull))
     if not any(v != 0 for v in data):
         return []
-    return [Term(template=templates.cross_product_body(), scalars=tuple(forms), data=data, owner=Owner("body", body.name), label=body.name)]
+    return [
+        Term(template=mass_templates.cross_product_body(), scalars=tuple(forms), data=data, owner=Owner("body", body.name), label=body.name)
+    ]
 
 
 def _rounded(value: Amount, where: str) -> Scalar:

@@ -206,12 +206,19 @@ def _machine() -> str:
 # -- compiling -----------------------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class Recipe:
+    """All that decides what a library becomes: sources {file name: text}, the compiler, its flags, and other libraries."""
+
+    files: dict[str, str]
+    compiler: Compiler
+    flags: tuple[str, ...]
+    libraries: tuple[str, ...] = ()
+
+
 def make_library(
     folder: Path,
-    files: dict[str, str],
-    compiler: Compiler,
-    flags: tuple[str, ...],
-    libraries: tuple[str, ...],
+    recipe: Recipe,
     loads: bool = True,
     patience: float = 0.0,
     objects: Mapping[str, Path] = NO_OBJECTS,
@@ -222,6 +229,7 @@ def make_library(
     loads: whether this process must be able to load what comes out; patience: seconds that it may take at least
     Raises CompileError with the compiler's log if it fails, OSError where the folder cannot hold what is written.
     """
+    files, compiler, flags = recipe.files, recipe.compiler, recipe.flags
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     patience = max(patience, min(MAX_TIME_LIMIT, TIME_LIMIT + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
@@ -231,7 +239,7 @@ def make_library(
         apart = [flag for flag in flags if flag != "-shared"]
         log = _run(compiler, [[*compiler.command, *apart, "-c", *group] for group in groups if group], folder, patience)
         inputs = [str(Path(name).with_suffix(".o")) for name in inputs]
-    command = [*compiler.command, *flags, *inputs, *map(str, objects.values()), "-o", LIBRARY, *libraries]
+    command = [*compiler.command, *flags, *inputs, *map(str, objects.values()), "-o", LIBRARY, *recipe.libraries]
     log += _run(compiler, [command], folder, patience)
     if not (folder / LIBRARY).is_file():
         raise CompileError(f"{compiler.name} reported success and wrote no library; set CC to a C compiler", log)
@@ -374,7 +382,7 @@ def examine(compiler: Compiler, flags: tuple[str, ...], failure: CompileError) -
 def _fails(compiler: Compiler, flags: tuple[str, ...]) -> bool:
     with tempfile.TemporaryDirectory() as folder:
         try:
-            make_library(Path(folder), PROBE, compiler, ("-fPIC", "-shared", *flags), ())
+            make_library(Path(folder), Recipe(PROBE, compiler, ("-fPIC", "-shared", *flags)))
         except (CompileError, OSError):
             return True
     return False

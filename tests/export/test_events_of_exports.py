@@ -265,14 +265,6 @@ def shared() -> ncgen.Model:
     return m
 
 
-def touching() -> ncgen.Model:
-    m = ncgen.Model("touching")
-    O, C = m.point("O", (0, 0), fixed=True), m.point("C", (0, 1))
-    ball = m.body("ball", [C, m.point("D", (0.1, 1))], mass=1.0, com=(0, 1), inertia=0.004)
-    m.contact("floor", ball, C, m.ground, O, radius=0.1, normal=m.vector("up", (0, 1), fixed=True), friction=0.3)
-    return m
-
-
 def called() -> ncgen.Model:
     m, s = sliding_block("called")
     m.event("seen", when=s - 0.5, do=lambda at, kernels: None)
@@ -283,7 +275,6 @@ def called() -> ncgen.Model:
     ("model", "target", "message"),
     [
         (shared, "c", "shared cannot be exported: the load of friction s.friction is shared with redundant constraints; leave these out"),
-        (touching, "fmu2", "touching cannot be exported: friction of contacts is not exported yet (floor)"),
         (called, "c", "called cannot be exported: event seen calls a Python function"),
         (ball, "casadi", "ball cannot be exported: this export does not support events yet (floor); take c,"),
     ],

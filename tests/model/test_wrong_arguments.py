@@ -75,6 +75,7 @@ def calls(s) -> dict[str, dict]:
         "point_on_line": {"a": s.rod, "point": s.B, "start": s.A, "axis": s.u},
         "point_in_plane": {"a": s.rod, "point": s.B, "start": s.A, "normal": s.v, "owner": s.arm},
         "gear": {"first": s.psi, "second": s.phi, "radius_first": 1.0, "radius_second": 2.0},
+        "follow": {"coordinate": s.psi, "other": s.phi, "ratio": 2.0, "offset": 0.1},
         "rack": {"slide": s.s, "angle": s.psi, "radius": 0.1},
         "event": {"name": "new", "when": s.A.x - 1, "direction": "rising", "do": {"k": 1.0}},
         "stop": {

@@ -80,8 +80,8 @@ def test_the_worst_rows_are_named_first():
 def test_measured_rows_are_counted(robot):
     """The robot's lengths are given in its tables; a four-bar's are measured, and inspect says so."""
     fourbar = ncgen.compile(ncgen.load("fourbar"), backend="numpy")
-    assert ncgen.inspect(fourbar)["measured"] == 3
-    assert ncgen.inspect(robot)["measured"] == 0
+    assert ncgen.inspect(fourbar)["measured_constraints"] == 3
+    assert ncgen.inspect(robot)["measured_constraints"] == 0
 
 
 def test_a_paper_angle_whose_choices_disagree_is_refused():

@@ -359,7 +359,7 @@ def test_patience_grows_with_the_source(monkeypatch, tmp_path):
     monkeypatch.setattr(compilers, "_run", run)
     for size in (0, 100_000, 10**8):
         monkeypatch.setattr(Path, "write_text", lambda *_, **__: None)
-        compilers.make_library(tmp_path, {"a.c": " " * size}, find_compiler(), (), (), loads=False)
+        compilers.make_library(tmp_path, compilers.Recipe({"a.c": " " * size}, find_compiler(), ()), loads=False)
     assert waited == [3.0, 103.0, compilers.MAX_TIME_LIMIT]
 
 
@@ -386,6 +386,6 @@ def test_zig_is_given_all_sources_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(compilers, "TIME_LIMIT", 60.0)
     (tmp_path / "built").mkdir()
     files = {f"part{k}.c": f"int part{k}(void);\nint part{k}(void) {{ return {k}; }}\n" for k in range(4 * compilers.FEW_SOURCES)}
-    make_library(tmp_path / "built", files, Compiler((str(script),), "zig"), ("-shared", "-fPIC"), ())
+    make_library(tmp_path / "built", compilers.Recipe(files, Compiler((str(script),), "zig"), ("-shared", "-fPIC")))
     library = ctypes.CDLL(str(tmp_path / "built" / LIBRARY))
     assert [getattr(library, f"part{k}")() for k in range(len(files))] == list(range(len(files)))

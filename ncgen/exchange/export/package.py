@@ -35,7 +35,7 @@ from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_
 from ncgen.program.motions.output_programs import assemble_outputs
 from ncgen.solver.engines.acceleration_forms import own_positions
 from ncgen.solver.events.event_table import EventTable
-from ncgen.solver.events.held_mechanism import HeldMechanism, refusal_of_loads, refusal_of_shared, with_switches
+from ncgen.solver.events.held_mechanism import HeldMechanism, refusal_of_frictions, refusal_of_loads, refusal_of_shared, with_switches
 from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.name_lists import listed_names
@@ -170,7 +170,8 @@ class Package:
             return {"held": None, "room": room}
         other = self.of_held
         room = {"rows": held.kernels.m, "nonzeros": other._described["nonzeros"], "factor": other._order.nonzeros, "redundant": True}
-        return {"held": {"prefix": other.prefix, "m": held.kernels.m, **other._described}, "room": room}
+        changing = {"rank": -1}  # as many rows are independent as are there with what is held
+        return {"held": {"prefix": other.prefix, "m": held.kernels.m, **other._described, **changing}, "room": room}
 
     @cached_property
     def of_held(self) -> Package:
@@ -301,7 +302,7 @@ def _generated(model: Model) -> tuple[Sources, Kernels]:
     kernels = compile(sources, backend="numpy")
     if not (why := refusal_of_loads(kernels)):
         return sources, kernels
-    if others := [*model.frictions, *model.ratchets, *model.locks]:
+    if others := [*model.frictions, *model.contacts, *model.ratchets, *model.locks]:
         _require_none(model, f"{listed_names(others)} may not be held: {why}; use ncgen.simulate")
     sources = generate(model)
     return sources, compile(sources, backend="numpy")
@@ -341,8 +342,8 @@ def _refusal(model: Model, events: bool) -> str | None:
 
 def _refusal_of_events(model: Model) -> str | None:
     """Why the events of a model cannot be exported, in words, or None."""
-    if model.contacts:
-        return f"friction of contacts is not exported yet ({listed_names(list(model.contacts))}); leave it out, or use ncgen.simulate"
+    if reason := refusal_of_frictions(model):
+        return reason
     if called := [event.name for event in model.events.values() if event.is_called]:
         return f"event {called[0]} calls a Python function; write what it does as expressions"
     known = (Change, Impact, Locking, Stop)

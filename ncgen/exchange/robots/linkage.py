@@ -23,6 +23,7 @@ from ncgen.exchange.robots.robot import Joint, Link, Mimic, Robot, hung
 from ncgen.model import Model
 from ncgen.model.arithmetic import across, unit
 from ncgen.model.bodies import Body
+from ncgen.model.catalogue import ROW_TYPES
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, as_combination
 from ncgen.model.pairs import SLIDING, Screw, joint_between, sliding_of
 from ncgen.model.rows import Row
@@ -311,6 +312,10 @@ class _Linkage:
 
         The first one is that of factor 1, if there is one: a file's mimic follows with that.
         """
+        if row.type is ROW_TYPES["follow"]:
+            elements = {e.components[0]: e for e in self.model.elements.values() if isinstance(e, Relative)}
+            ratio, offset = (evaluate(row.data[name], self.model.parameters, row.label) for name in ("k", "c"))
+            return ((elements[row.arguments["s"]], 1.0), (elements[row.arguments["z"]], -ratio)), -offset
         if row.expression is None or row.level != "position" or row.owner.kind not in ("user", "joint"):
             return None
         expression: Any = as_sympy(row.expression)

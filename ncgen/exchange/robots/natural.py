@@ -310,7 +310,7 @@ class _Builder:
             raise ModelError(f"{joint.where}: joint {joint.name}: {why}, so one cannot mimic the other")
         if follower is other:
             raise ModelError(f"{joint.where}: joint {joint.name} mimics itself; name another joint")
-        self.model.constrain(follower.symbol - mimic.factor * other.symbol - mimic.offset, f"{follower.name} follows {other.name}")
+        self.model.follow(follower, other, mimic.factor, mimic.offset)
 
     def _couple(self, coupling: Coupling) -> None:
         """The row of joints that move together."""

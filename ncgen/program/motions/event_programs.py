@@ -93,6 +93,7 @@ class HeldLoad:
     static: friction that holds a joint, times the load of the constraints `pressed` where there are some
     grip: (number of its gap's constraint, coefficient) of a contact that sticks, which has as many constraints as `directions`
     A gap has neither
+    shows_force: whether the multipliers of these constraints stand behind the condition, each with the size 1
     """
 
     words: str
@@ -101,6 +102,7 @@ class HeldLoad:
     grip: tuple[int, Scalar] | None = None
     directions: int = 1
     pressed: tuple[int, ...] = ()
+    shows_force: bool = False
 
 
 def assemble_mode_conditions(
@@ -149,6 +151,8 @@ def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], 
             nodes += [graph.sub(most, load), size, graph.add(most, load), size]
         else:
             nodes += [load, size]
+        if each.shows_force:
+            nodes += [node for x in lam[each.row : each.row + each.directions] for node in (x, graph.const(1.0))]
     return nodes
 
 

@@ -268,10 +268,21 @@ void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, 
         ncgen_tree_closing(r, &w->tree, t, q, out);
 }
 
+int ncgen_follows_from_measured(const ncgen_run *r)
+{
+    const ncgen_constrained *w = r->constrained;
+    return !w->motion && ncgen_tree_is_in_closed_form(&w->tree);
+}
+
 int ncgen_recursive_basis(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen)
 {
     ncgen_constrained *w = r->constrained;
     return w->motion ? 0 : ncgen_tree_basis(r, &w->tree, t, q, basis, chosen);
+}
+
+const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen)
+{
+    return ncgen_tree_along(&r->constrained->tree, chosen);
 }
 
 /* The state derivative by the recursion; 0 where its order of elimination is a bad one. */

@@ -32,10 +32,12 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->taking = passage->due + count;
     i->places = passage->due + 4 * count;
     i->sticks = passage->due + 7 * count;
+    i->rows = passage->due + 8 * count;
     i->kept = ncgen_take(&space, n);
     i->prior = ncgen_take(&space, n);
     i->arrived = ncgen_take(&space, n);
     ncgen_copy(n, moment->qd, i->arrived);
+    i->sliding = ncgen_take(&space, events->n_sliding * (n + 1));
     i->numbers = ncgen_take(&space, 0); /* the rest */
 }
 
@@ -52,6 +54,8 @@ int ncgen_look(ncgen_instant *i)
     int status = i->events->conditions(m->t, m->q, m->qd, i->p, i->values);
     if (status == NCGEN_OK)
         status = i->events->derivatives(m->t, m->q, m->qd, i->p, i->derivatives);
+    if (status == NCGEN_OK && i->events->n_sliding)
+        status = i->events->sliding(m->t, m->q, m->qd, i->p, i->sliding);
     for (int k = 0; k < i->count; ++k) {
         i->scales[k] = i->values[2 * k + 1];
         for (int j = 0; j < i->n; ++j)
@@ -294,9 +298,9 @@ static int happen(ncgen_instant *i)
     ncgen_begin_notes(i->passage->log, i->count, chain.due);
     for (int k = n_events(i); k < i->count; ++k)
         chain.happened[k] = chain.due[k];
-    ncgen_read_held(i->events, i->p, i->passage->flags);
-    ncgen_write_held(i->events, NULL, 0, i->p); /* impulses act on the mechanism with its locks alone */
-    int status = ncgen_follow_chain(&chain);
+    int status = ncgen_begin_instant(i);
+    if (status == NCGEN_OK)
+        status = ncgen_follow_chain(&chain);
     if (status == NCGEN_OK)
         status = ncgen_catch(i, chain.happened);
     if (status == NCGEN_OK)
@@ -365,11 +369,17 @@ int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const n
 {
     ncgen_moment here = *moment;
     ncgen_instant i;
-    int some = 0;
+    ncgen_entered in;
+    int some = 0, status;
     begin(&i, d, events, (ncgen_real *)p, &here, passage);
-    const int status = ncgen_look(&i), last = nearly ? i.count : n_events(&i);
+    status = ncgen_look(&i);
+    const int watches = nearly && events->n_holds, last = nearly ? i.count : n_events(&i);
+    if (watches)
+        ncgen_enter_held(d, events, p, passage, &in);
+    if (watches && status == NCGEN_OK)
+        status = ncgen_skip_blocked(&i, &in);
     for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
-        const int way = ncgen_way(events, p, k), clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
+        const int way = watches ? passage->directions[k] : ncgen_way(events, p, k), clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
         const int side = sign_of(i.values[2 * k]), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
         const int now = nearly || clear ? exactly : before;
         passage->due[k] = 0;
@@ -416,11 +426,13 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
+    int repeated = 0;
     if (*passage->stopped)
         return NCGEN_STOPPED;
     const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
+        const ncgen_scalar from = moment->t;
         ncgen_entered in;
         status = ncgen_enter_present(d, events, p, moment, passage, &in);
         const ncgen_driven *mode = &in.driven;
@@ -435,6 +447,9 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
             ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         if (status == NCGEN_OK)
             status = ncgen_apply_events(d, events, p, moment, passage);
+        repeated = moment->t > from ? 0 : repeated + 1;
+        if (status == NCGEN_OK && repeated > NCGEN_MOST_REPEATED)
+            status = NCGEN_ENDLESS;
     }
     return status;
 }

@@ -277,3 +277,11 @@ int ncgen_tree_basis(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     }
     return count;
 }
+
+const ncgen_real *ncgen_tree_along(ncgen_tree_work *w, const ncgen_real *chosen)
+{
+    for (ncgen_tree_screw *screw = w->screw, *end = screw + w->tree->n_screws; screw < end; ++screw)
+        screw->rate = screw->leader >= 0 ? screw->ratio * w->screw[screw->leader].rate : screw->slowness * *chosen++;
+    move_at_rates(w);
+    return w->moved;
+}

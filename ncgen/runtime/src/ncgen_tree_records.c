@@ -32,6 +32,12 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->scaled = ncgen_take(space, n_values);
     w->gram = ncgen_take(space, tree->most_rows * tree->most_rows);
     w->right = ncgen_take(space, 2 * tree->most_rows);
+    w->closed_form = NCGEN_UNKNOWN;
+    w->first = ncgen_take(space, n_all);
+    w->placed = ncgen_take(space, n_all);
+    w->axes = ncgen_take(space, 4 * tree->n_screws);
+    w->travel = ncgen_take(space, tree->n_screws);
+    w->turns = ncgen_take(space, 12 * tree->n_links);
 }
 
 static void begin_link(ncgen_tree_work *w, int link)

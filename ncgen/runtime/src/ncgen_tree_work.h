@@ -88,7 +88,14 @@ typedef struct ncgen_tree_work {
     ncgen_real *jacobian;        /* values of Phi_q */
     ncgen_real *scaled;          /* ... in natural sizes of the coordinates */
     ncgen_real *gram, *right;    /* of the rows that close a link */
+    int closed_form;             /* are positions known from measured coordinates? NCGEN_UNKNOWN: not looked at yet */
+    ncgen_real *first, *placed;  /* n + n_fixed: the first position of the run, and one in closed form */
+    ncgen_real *axes;            /* 4 a screw: its unit axis in the first position, and how long that was */
+    ncgen_real *travel;          /* of a screw: its rate summed up since then */
+    ncgen_real *turns;           /* 12 a link: columns of its rotation since then, and its reference point */
 } ncgen_tree_work;
+
+enum { NCGEN_UNKNOWN = -1 };
 
 static const ncgen_real ncgen_nothing[6] = {0, 0, 0, 0, 0, 0};
 

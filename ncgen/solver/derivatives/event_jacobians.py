@@ -78,10 +78,11 @@ class EventJacobians:
                 change = self._lock(done, time, change)
             else:
                 change = self._act(done, time, change) if done.events else self._keep(o, done, time, change)
-        through = self._mode(o, time, change) - np.outer(following := self._flow(o.after, o.held), time)
+        after = self._mode(o, time, change)
         if o.held or o.after.locked:
-            through = self._onto(self.mode(o.after, o.held), o.after, through)
-        return EventJacobian(time, before, through + np.outer(following, time), through)
+            left = o.done[-1].after.qd if o.done else o.after.qd
+            after = self._onto(self.mode(o.after, o.held), replace(o.after, qd=left), after, time, o.after.qd)
+        return EventJacobian(time, before, after, after - np.outer(self._flow(o.after, o.held), time))
 
     def mode(self, at: State, held: tuple[int, ...]) -> Kernels:
         """The kernels of the mode of a state in which these are held."""
@@ -260,13 +261,18 @@ class EventJacobians:
                 after[first + names.index(each.held)] = self.impacts.element(f"{each.name}, place", values)
         return after
 
-    def _onto(self, kernels: Kernels, at: State, change: np.ndarray) -> np.ndarray:
-        """What the constraints of a mode allow of a change: that of a gap that comes to rest by bounces vanishes."""
-        n = self.n
+    def _onto(
+        self, kernels: Kernels, at: State, change: np.ndarray, time: np.ndarray | None = None, qd: np.ndarray | None = None
+    ) -> np.ndarray:
+        """What the constraints of a mode allow of a change: that of a gap that comes to rest by bounces vanishes.
+
+        time: how the instant moves (none: not at all); qd: velocities to which the constraints take those of the state (none: these)
+        """
+        n, time = self.n, np.zeros(change.shape[1]) if time is None else time
         dq, dqd, dp = np.split(change, [n, 2 * n])
-        arguments = {"t": at.t, "q": at.q, "qd": at.qd, "qdd": np.zeros(n), "lam": np.zeros(kernels.m), "p": at.p}
-        holonomic = kernels.holonomic
-        missing = kernels.jacobian(at.q, at.t, at.p) @ dq + kernels.dense_tangent("phi_p", **arguments) @ dp
+        arguments = {"t": at.t, "q": at.q, "qd": 0 * at.qd, "qdd": np.zeros(n), "lam": np.zeros(kernels.m), "p": at.p}
+        moved = kernels.jacobian(at.q, at.t, at.p) @ dq - np.outer(kernels.nu(at.q, at.t, at.p), time)
+        missing, holonomic = moved + kernels.dense_tangent("phi_p", **arguments) @ dp, kernels.holonomic
         dq = dq + solved(kernels, at, np.zeros((0, n)), np.zeros_like(dq), -missing[holonomic], holonomic)[0]
-        dqd = self._projected(kernels, at, at.qd, np.zeros(change.shape[1]), np.vstack([dq, dqd, dp]))
+        dqd = self._projected(kernels, at, at.qd if qd is None else qd, time, np.vstack([dq, dqd, dp]))
         return np.vstack([dq, dqd, dp])

@@ -198,7 +198,7 @@ def taped_batch(
     t, names = finite(t0, "t0"), names_of(z, "z", kernels.coordinates)
     refuse_events(kernels.model, "gradient of rows")
     is_taped(kernels, integrator)
-    states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
+    states = States.of(kernels, None, assembled=True, q0=q0, zd0=zd0, p=p, t0=t, z=names)
     return TapedBatch(
         kernels=kernels, states=states, times=t + since_start, method=integrator, follows=q0 is None, threads=checked_threads(threads)
     )

@@ -7,7 +7,7 @@ whatever the number of parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeAlias, Unpack
@@ -18,6 +18,7 @@ from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
+from ncgen.program.motions import step_equations
 from ncgen.solver.derivatives.event_motion import FINE, EventMotion, EventSensitivity
 from ncgen.solver.derivatives.objective import check_objective, filled, of_objective
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
@@ -238,7 +239,8 @@ def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "
     initial = Initial.from_arguments(kernels, **start)
     times, follows, signals = initial.t + since_start, start.get("q0") is None, signals_of(kernels, inputs, initial.p)
     if not entry.tableau:
-        return _implicit_motion(kernels, initial, times, follows, entry, options, inputs, start)
+        method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
+        return _implicit_motion(kernels, initial, times, follows, method, signals, {"options": options, "inputs": inputs, **start})
     if values_by_name(options, "options"):
         raise ModelError(f"options: {integrator} has none")
     make = partial(motion_from, integrator=integrator, tolerances=tolerances, signals=signals)
@@ -281,7 +283,11 @@ def is_taped(kernels: Kernels, integrator: str) -> bool:
 
 def _differentiable(integrator: str, twice: bool = False) -> Integrator:
     """The entry of a method whose steps have derivatives, or second ones. Raises ModelError."""
-    known = {name: entry for name, entry in INTEGRATORS.items() if entry.tableau or (entry.has_fixed_step and not twice)}
+    known = {
+        name: entry
+        for name, entry in INTEGRATORS.items()
+        if entry.tableau or (entry.has_fixed_step and not twice and (entry.is_ordinary or name in step_equations.METHODS))
+    }
     if not isinstance(integrator, str):
         raise ModelError(f"integrator: {echo(integrator)} given; give a name, one of {', '.join(known)}")
     if integrator in known:
@@ -294,17 +300,14 @@ def _differentiable(integrator: str, twice: bool = False) -> Integrator:
 
 
 def _implicit_motion(
-    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, entry: Integrator, options: dict[str, Any] | None,
-    inputs: Mapping[str, Any] | None, start: dict[str, Any],
+    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, method: Method, signals: Signals | None,
+    arguments: dict[str, Any],
 ) -> SteppedMotion | TrapezoidalMotion:  # fmt: skip
-    """By steps of `simulate`."""
-    signals = signals_of(kernels, inputs, initial.p)
-    method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
+    """By steps of `simulate`; arguments: of it, besides the method."""
 
     def run(ends: np.ndarray, breaks: np.ndarray) -> Trajectory:
-        arguments = {"formalism": method.formalism.name, "integrator": entry.name, "options": options, "inputs": inputs, **start}
-        return simulate_steps(kernels, ends, breaks, **arguments)
+        return simulate_steps(kernels, ends, breaks, formalism=method.formalism.name, integrator=method.integrator.name, **arguments)
 
-    if entry.is_ordinary:
+    if method.integrator.is_ordinary:
         return TrapezoidalMotion(kernels, initial, times, follows, run, signals)
     return SteppedMotion(kernels, initial, times, follows, run, method, signals)

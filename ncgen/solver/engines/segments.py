@@ -38,9 +38,8 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task, ends: 
     path.impulses = [each for each in path.impulses if each.t < t]  # later ones are met again
     for before, after in [*ends[(ends[:, 1] > t) & (ends[:, 0] < end)].tolist(), [end, end]]:
         if t < before:
-            segment = Path.empty(kernels.n, path.partitions)
             part_task = replace(task, q=q, velocities=velocities, before=(float(grid[0]), int(path.counts[0])))
-            reason = _one(engine, segment, path, kernels, part_task, grid, (t, before), work)
+            reason, segment = _one(engine, path, kernels, part_task, grid, (t, before), work)
             if reason or segment.stopped is not None:
                 return reason
             q, qd, work = segment.q[-1], segment.qd[-1], work + float(segment.work[-1])
@@ -58,9 +57,13 @@ def _velocities(path: Path, task: Task, qd: np.ndarray) -> np.ndarray:
 
 
 def _one(
-    engine: Engine, segment: Path, path: Path, kernels: Kernels, task: Task, grid: np.ndarray, ends: tuple[float, float], work: float
-) -> str | None:
-    """Let an engine fill a part between two times (s), and add its rows to the path but for those of its ends that are not on the grid."""
+    engine: Engine, path: Path, kernels: Kernels, task: Task, grid: np.ndarray, ends: tuple[float, float], work: float
+) -> tuple[str | None, Path]:
+    """Let an engine fill a part between two times (s), and add its rows to the path but for those of its ends that are not on the grid.
+
+    Returns why the engine stopped before the end, or None, and the part.
+    """
+    segment = Path.empty(kernels.n, path.partitions)
     first, last = len(path.q), int(np.searchsorted(grid, ends[1], "right"))
     times = np.unique([ends[0], *grid[first:last], ends[1]])
     positions = np.searchsorted(times, grid[first:last])
@@ -69,7 +72,7 @@ def _one(
     extra_times[[0, -1]] = False  # the ends are what the run goes on from
     inside = task.breaks[np.searchsorted(task.breaks[:, 0], ends[0], "right") : np.searchsorted(task.breaks[:, 1], ends[1])]
     try:
-        return engine(segment, kernels, replace(task, grid=times, movable=extra_times, breaks=inside))
+        return engine(segment, kernels, replace(task, grid=times, movable=extra_times, breaks=inside)), segment
     finally:
         _take_over(path, segment, positions, work, float(grid[first - 1]) if first else -np.inf)
         task.looked_at(first, times[positions])

@@ -366,7 +366,8 @@ def mentions_inputs(when: Scalar, kernels: Kernels) -> bool:
 def most_degree(kernels: Kernels) -> int:
     """Of the polynomials in time that the conditions of a mechanism are within a step."""
     model = kernels.model
-    whens = [*(event.when for event in model.events.values()), *(contact.forward for contact in model.contacts.values())]
+    contacts = [when for each in model.contacts.values() for when in (each.forward, *([each.kept] if len(each.sliding) > 1 else []))]
+    whens = [*(event.when for event in model.events.values()), *contacts]
     return QUADRATIC if any(degree_within_step(when, kernels) == 2 for when in whens) else LINEAR
 
 
