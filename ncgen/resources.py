@@ -21,5 +21,5 @@ def package_files(*names: str) -> list[Path]:
     files = []
     for name in names:
         root = _PACKAGE / name if (_PACKAGE / name).is_dir() else folder(name)
-        files += sorted(Path(place, file) for place, _, inside in os.walk(root) for file in inside if not file.endswith(".pyc"))
+        files += sorted(Path(folder, file) for folder, _, inside in os.walk(root) for file in inside if not file.endswith(".pyc"))
     return files

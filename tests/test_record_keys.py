@@ -8,6 +8,8 @@ from pathlib import Path
 
 from test_plain_names import DIALECT, VAGUE_IN_PYTHON
 
+from ncgen.report import gallery
+
 PACKAGE = Path(__file__).resolve().parents[1] / "ncgen"
 
 RECORDS = (
@@ -54,6 +56,12 @@ def test_keys_are_terms():
     written = {name: keys(ast.parse((PACKAGE / name).read_text(encoding="utf-8"))) for name in RECORDS}
     assert {"dof", "constraints"} <= written["report/inspection.py"] and "evaluation" in written["comparisons/robots.py"]
     assert {name: wrong for name, of in written.items() if (wrong := {key for key in of - set(ALLOWED) if vague(key)})} == {}
+
+
+def test_examples_in_an_older_cache_are_counted_again(monkeypatch):
+    monkeypatch.setattr(gallery, "kept", lambda kind, key: {"coordinates": 1, "rows": 2, "dof": 3, "redundant": 4})
+    monkeypatch.setattr(gallery, "keep", lambda kind, key, facts: None)
+    assert gallery._facts("pendulum") == {"coordinates": 6, "constraints": 1, "dof": 1, "redundant": 0}  # one bar of constant length
 
 
 def test_the_check_sees_such_keys():

@@ -54,7 +54,7 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
     console.print(kernel_table(facts, times))
     if seconds:
         spent = ", ".join(f"{stage} {value:.2f}" for stage, value in seconds.items())
-        console.print(f"  seconds: {spent}", markup=False)
+        console.print(f"  seconds of every stage from the model to functions: {spent}", markup=False)
 
 
 def motion_line(counts: dict) -> str:
@@ -93,9 +93,8 @@ def show_run(console: Console, record: dict) -> None:
         table.add_row(name, f"{value:.12g}", f"{record['final_velocity'][name]:.12g}")
     lines = [
         Text(
-            f"{record['duration']:g} s{', ended there as asked,' if record['stopped'] else ''} with "
-            f"{record['integrator']} on {record['formalism']}, "
-            f"kernels in {record['backend']}, engine {record['engine']}",
+            f"{record['duration']:g} s of motion{', ended by its stop' if record['stopped'] else ''}: integrator {record['integrator']}, "
+            f"formalism {record['formalism']}, kernels in {record['backend']}, engine {record['engine']}",
             style="bold",
         ),
         table,
