@@ -15,7 +15,7 @@ from ncgen.report import clock
 def quick(monkeypatch):
     """Few samples: the numbers are not looked at."""
     monkeypatch.setattr(clock, "MIN_SAMPLE_SECONDS", 1e-6)
-    monkeypatch.setattr(clock.measure, "__defaults__", (1, None))
+    monkeypatch.setattr(clock.measure, "__defaults__", (1,))
     monkeypatch.setattr(falls, "TOLERANCES", (1e-6,))
     monkeypatch.setattr(falls, "STEPS", (100,))
     monkeypatch.setattr(falls, "REPEATS", 1)
