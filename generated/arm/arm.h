@@ -84,6 +84,7 @@ int arm_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncg
 int arm_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 228 numbers, 0 operations */
 int arm_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 49 numbers, 0 operations */
 int arm_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 431 operations */
+int arm_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 13 operations */
 int arm_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 355 numbers, 1373 operations */
 
 #ifdef __cplusplus

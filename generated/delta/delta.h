@@ -94,6 +94,7 @@ int delta_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const n
 int delta_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 99 numbers, 0 operations */
 int delta_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 60 numbers, 19 operations */
 int delta_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 260 operations */
+int delta_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 24 operations */
 int delta_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 414 numbers, 853 operations */
 
 #ifdef __cplusplus

@@ -58,6 +58,7 @@ int flyball_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const
 int flyball_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 100 numbers, 78 operations */
 int flyball_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 32 numbers, 123 operations */
 int flyball_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 182 operations */
+int flyball_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 40 operations */
 int flyball_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 153 numbers, 308 operations */
 
 #ifdef __cplusplus

@@ -109,6 +109,7 @@ int quadruped_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, con
 int quadruped_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 855 numbers, 2674 operations */
 int quadruped_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 84 numbers, 1096 operations */
 int quadruped_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 1241 operations */
+int quadruped_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 152 operations */
 int quadruped_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 635 numbers, 3094 operations */
 
 #ifdef __cplusplus

@@ -80,7 +80,7 @@ def test_an_end(ncgen_main, swing):
     record = json.loads(ncgen_main(*arguments, "rate(B.x)=0,rising").out)
     assert record["stopped"] and record["duration"] == pytest.approx(0.31415926535, abs=1e-7)
     assert not json.loads(ncgen_main(*arguments, "B.x=5").out)["stopped"]
-    assert "ended there" in ncgen_main("run", swing(), "--no-files", "--stop", "B.x=0.9").out
+    assert "ended by its stop" in ncgen_main("run", swing(), "--no-files", "--stop", "B.x=0.9").out
 
 
 OPTION = {"p": "param", "zd0": "velocity", "stop": "stop"}

@@ -94,7 +94,7 @@ def test_lengths_do_not_matter():
 @pytest.mark.parametrize(
     ("name", "formalism", "said"),
     [
-        ("nfourbar-2", "coordinate-partitioning", "cannot go on beyond t = 0.71"),
+        ("nfourbar-2", "coordinate-partitioning", "cannot continue beyond t = 0.71"),
         pytest.param("robot-sine", "coordinate-partitioning", "singular", marks=pytest.mark.slow),
     ],
 )

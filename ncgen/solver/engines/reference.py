@@ -305,7 +305,8 @@ class Independent(ReferenceRun):
         self.orientation = self.orientation or now.orientation
         if now.orientation != self.orientation:
             raise SingularError(
-                f"{self.kernels.name}: a position beyond a singular one of the dependent coordinates, perhaps on another branch"
+                f"{self.kernels.name}: the step passed a singular position of the dependent coordinates, perhaps to another branch; "
+                "choose other independent coordinates"
             )
         return now
 

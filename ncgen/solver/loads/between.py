@@ -150,7 +150,7 @@ def loads_between(
             raise _unknown(f"{row.label} ({held[0].name})", body, neighbour, min(_bearers(row, bodies, held[0], ground) - {body}))
         felt += [(e, row.forces[e]) for e in elements if e not in shared]
     if not (felt or meet):
-        raise ModelError(f"body {body} shares no point and no vector with {neighbour}, and no row ties them")
+        raise ModelError(f"body {body} shares no point and no vector with {neighbour}, and no constraint connects them")
     return felt
 
 
