@@ -114,7 +114,7 @@ def test_a_long_driven_run_is_taped_in_segments(monkeypatch):
     monkeypatch.setattr(taped, "SEGMENT", 7 * 8 * taped.step_size("rk4", kernels.n))
     parts = ncgen.gradient(kernels, END, 40, end_of, **at)
     np.testing.assert_allclose(parts.by_inputs["tau"], whole.by_inputs["tau"], rtol=0, atol=1e-13)
-    assert parts.slopes == pytest.approx(whole.derivatives, rel=1e-11)
+    assert parts.derivatives == pytest.approx(whole.derivatives, rel=1e-11)
 
 
 def test_second_derivatives_of_a_driven_motion():
