@@ -50,13 +50,13 @@
  *   p[4] tau5 = 0.0 N m
  *   p[5] tau6 = 0.0 N m
  *   p[6] tau7 = 0.0 N m
- *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi4: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi5: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi6: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi7: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi4: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi5: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi6: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi7: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  *   left out: 9 fixed coordinates became constants, 7 of them zero
  */

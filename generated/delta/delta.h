@@ -64,9 +64,9 @@
  *   row 61 [1002]: angle n3, P3b-E3b, body rod3b
  *   row 62 [1002]: angle n3, E3b-E3a, user model
  *   row 63 [1002]: angle n3, P3b-P3a, user model
- *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  *   left out: 27 fixed coordinates became constants, 9 of them zero
  */

@@ -29,8 +29,8 @@
  *   row 26: combination M2.y, body rod2
  *   row 27: combination M2.z, body rod2
  *   row 28 [1014]: angle alpha2, coordinate alpha2
- *   left out: angle alpha1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle alpha2: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle alpha1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle alpha2: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  *   left out: 16 fixed coordinates became constants, 13 of them zero
  */

@@ -71,18 +71,18 @@
  *   row 68 [1000]: distance K4b-F4, body lower4b
  *   row 69 [1002]: angle u4, F4-K4b, body lower4b
  *   row 70 [1014]: angle theta4b, coordinate theta4b
- *   left out: angle alpha1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta1a: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta1b: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle alpha2: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta2a: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta2b: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle alpha3: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta3a: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta3b: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle alpha4: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta4a: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta4b: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle alpha1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta1a: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta1b: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle alpha2: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta2a: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta2b: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle alpha3: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta3a: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta3b: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle alpha4: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta4a: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta4b: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  */
 #ifndef QUADRUPED_H

@@ -151,10 +151,10 @@ def _direction(lines: Lines, sliding: Sliding) -> dict[int, int]:
     rates = [graph.load("qd", c) for c in range(n)]
     sums: dict[int, list[int]] = {}
     for velocity, d in zip(velocities, unit, strict=True):
-        slopes = gradient(graph, velocity, rates)
+        derivatives = gradient(graph, velocity, rates)
         for c, rate in enumerate(rates):
-            if rate in slopes:
-                sums.setdefault(c, []).append(graph.mul(slopes[rate], d))
+            if rate in derivatives:
+                sums.setdefault(c, []).append(graph.mul(derivatives[rate], d))
     return {c: graph.sum(nodes) for c, nodes in sums.items()}
 
 

@@ -66,8 +66,8 @@ def _changes(reactions: Reactions) -> np.ndarray:
     for k, added in reactions.changes.items():
         if added.size:
             p = run.kernels.present(float(run.t[k]), run.p)
-            slopes = load_slopes(run.kernels, float(run.t[k]), (run.q[k], run.qd[k], run.qdd[k], run.lam[k], felt[k]), p)
-            changing |= np.any(np.abs(slopes @ added) > REACH_TOLERANCE * (np.abs(slopes) @ np.abs(added)), axis=1)
+            derivatives = load_slopes(run.kernels, float(run.t[k]), (run.q[k], run.qd[k], run.qdd[k], run.lam[k], felt[k]), p)
+            changing |= np.any(np.abs(derivatives @ added) > REACH_TOLERANCE * (np.abs(derivatives) @ np.abs(added)), axis=1)
     return changing
 
 
