@@ -48,7 +48,9 @@ def list_examples(json_output: Json = False) -> None:
         print(json.dumps(records, indent=1))
         return
     for r in records:
-        out.print(f"{r['name']:<15}{r['dof']:>3} dof {r['rows']:>4} rows ({r['redundant']} redundant)  {r['teaches']}", markup=False)
+        out.print(
+            f"{r['name']:<15}{r['dof']:>3} dof {r['constraints']:>4} constraints ({r['redundant']} redundant)  {r['teaches']}", markup=False
+        )
 
 
 @for_robots

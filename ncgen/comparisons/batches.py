@@ -131,5 +131,5 @@ def _records(quantity: str, spent: Mapping[str, Spread], error: float | None, st
     """states: how many of them a measured call computes, where it is not one."""
     times = {tool: spread.seconds(states.get(tool, 1)) for tool, spread in spent.items()}
     for tool, measured in times.items():
-        record = {"case": "batch", "tool": tool, "what": quantity, "error": error if tool.startswith("batch") else None}
+        record = {"case": "batch", "tool": tool, "quantity": quantity, "error": error if tool.startswith("batch") else None}
         yield record | measured | {"ratio": times[ALONE_IN_C]["seconds"] / measured["seconds"]}

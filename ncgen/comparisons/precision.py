@@ -105,7 +105,7 @@ def precision_records(model: Model, limit: float = LIMIT, **chosen: Any) -> list
 
     chosen: duration and arguments of the start for `simulate`, in place of the model's own where they are not None
     method: in words; formalism, integrator, engine ("emitted", "c" or "python"), kernels ("c" or "numpy"), number type, setting; error;
-    doubt: of the reference; seconds, low, high: of the run, median and quartiles; noisy; steps, evaluations; reason: in words,
+    reference_error: of the reference; seconds, low, high: of the run, median and quartiles; noisy; steps, evaluations; reason: in words,
     where there is no result
 
     Raises ModelError where nothing moves: every method is exact then.
@@ -176,7 +176,7 @@ def _ladder(
             "kernels": kernels.backend,
             "number": number,
         }
-        record |= {"setting": f"{level} steps" if fixed else f"rtol {level:.0e}", "error": None, "doubt": known.doubt}
+        record |= {"setting": f"{level} steps" if fixed else f"rtol {level:.0e}", "error": None, "reference_error": known.doubt}
         record |= {"seconds": None, "low": None, "high": None, "noisy": False, "steps": None, "evaluations": None, "reason": None}
         accuracy = {"max_step": duration / level} if fixed else {"rtol": level, "atol": 1e-2 * level * kernels.length}
         options = {"formalism": formalism, "integrator": integrator, "engine": engine, "number": number, "points": 2, **accuracy, **start}
@@ -246,7 +246,7 @@ def front(records: list[dict]) -> list[str]:
     """The quickest method for every error that the reference can tell, in words."""
     lines = []
     done = [r for r in records if r["error"] is not None]
-    for level in (level for level in ERROR_LEVELS if all(level > r["doubt"] for r in done)):
+    for level in (level for level in ERROR_LEVELS if all(level > r["reference_error"] for r in done)):
         enough = [r for r in done if r["error"] <= level]
         if enough:
             best = min(enough, key=lambda r: r["seconds"])

@@ -97,7 +97,7 @@ class MotionFunction:
         self, p: np.ndarray, rates: np.ndarray, by_q: np.ndarray, by_qd: np.ndarray, by_p: np.ndarray, by_rates: np.ndarray
     ) -> None:
         if by_p.ndim == 1:
-            slopes, _ = self._one(p, rates).backward(by_q, by_qd)
+            derivatives, _ = self._one(p, rates).backward(by_q, by_qd)
         elif not self._is_for_lanes:
             leading = by_p.shape[:-1]
             arrays = [_spread(p, leading), _spread(rates, leading), _spread(by_q, leading, 2), _spread(by_qd, leading, 2)]
@@ -107,9 +107,9 @@ class MotionFunction:
             leading = by_p.shape[:-1]
             weights = [_flat(_spread(a, leading, 2), 2) for a in (by_q, by_qd)]
             motions = self._many(leading, p, rates)
-            slopes = self._completed(motions.sweep(lambda rows, q, qd: (weights[0][rows], weights[1][rows])))
-        by_p[:] = slopes[..., : p.shape[-1]].reshape(by_p.shape)
-        by_rates[:] = slopes[..., slopes.shape[-1] - rates.shape[-1] :].reshape(by_rates.shape)
+            derivatives = self._completed(motions.sweep(lambda rows, q, qd: (weights[0][rows], weights[1][rows])))
+        by_p[:] = derivatives[..., : p.shape[-1]].reshape(by_p.shape)
+        by_rates[:] = derivatives[..., derivatives.shape[-1] - rates.shape[-1] :].reshape(by_rates.shape)
 
     def _one(self, p: np.ndarray, rates: np.ndarray | None) -> Motion:
         """One motion; the last is kept, since the reverse sweep is asked for through the one that has just been made."""
@@ -127,7 +127,7 @@ class MotionFunction:
         """The slopes of many. Raises NcgenError where one did not come to its end."""
         if bad := [i for i, word in enumerate(swept.status) if word != "ok"]:
             raise NcgenError(f"motion {bad[0]} of {len(swept.status)}: {swept.status[bad[0]]}")
-        return swept.slopes
+        return swept.derivatives
 
 
 def _one_after_the_other(call: Callable[..., None], leading: tuple[int, ...], arrays: Sequence[np.ndarray]) -> None:

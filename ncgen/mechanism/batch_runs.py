@@ -163,7 +163,7 @@ class LaneDynamics:
         counts = {"q": (q, kernels.n), "zd": (zd, len(self.split.independent)), "p": (p, len(kernels.p0))}
         laid_out = [laid(array, float, count, f"{kernels.name}: {name}") for name, (array, count) in counts.items()]
         if len({len(array) for array in laid_out if array.ndim == 2}) != 1:
-            raise NcgenError(f"{kernels.name}: q, zd and p have {[array.shape for array in laid_out]}; a row a state is needed")
+            raise NcgenError(f"{kernels.name}: q, zd and p have {[array.shape for array in laid_out]}; one row for each state is needed")
         return laid_out
 
     def _call(

@@ -242,11 +242,11 @@ def _on_a_curve(
 ) -> np.ndarray | None:
     """When any function of time passes knots, None where that is too often: intervals are halved until none has a knot in its range, or
     the function rises or falls in it. Where even the narrowest tell neither, or there are too many, the values at their ends decide."""
-    if switch.slope is None:
+    if switch.derivative is None:
         return np.empty(0)
     low, high = intervals
     parts: list[np.ndarray] = []
-    bounds = partial(ranges, ops, (switch.argument, switch.slope))
+    bounds = partial(ranges, ops, (switch.argument, switch.derivative))
     while len(low):
         bound = {key: (np.asarray(value), np.asarray(value)) for key, value in inputs.items()}
         (least, most), (falls, rises) = (np.broadcast_arrays(*each, low)[:2] for each in bounds({**bound, TIME: (low, high)}))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,7 +31,9 @@ class EventsInC:
     the number of events if that is more; n_values: numbers that actions set; watched: the conditions; noise: of these within a step
     derivatives, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed, in modes
     held: what may be held, the members of `ncgen_hold`, the mechanism for it, and how many conditions its loads have; None: modes
-    n_velocities: so many conditions, the last ones, are those of joints
+    follows_loads: whether friction of joints does
+    n_velocities: so many conditions, the last ones, are those of joints, contacts and ratchets
+    rubbings: contacts with friction, the members of `ncgen_rubbing`; sliding: the address of their velocities, and how many these are
     """
 
     directions: Sequence[int]
@@ -46,7 +48,10 @@ class EventsInC:
     values: int
     holds: bool
     held: tuple[Sequence[tuple[str, int, int, int, int, int, int]], HeldGaps, int] | None = None
+    follows_loads: bool = False
     n_velocities: int = 0
+    rubbings: Sequence[Mapping[str, Any]] = ()
+    sliding: tuple[int, int] = (0, 0)
 
     @property
     def count(self) -> int:
@@ -216,13 +221,15 @@ class EventRuns:
     def _passage(self) -> dict[str, Any]:
         """What C knows of the events of the present motion."""
         table, count = self._table, self._table.count
-        workspace = self._library.ncgen_events_workspace(count, table.most, self._n, table.n_values)
+        values = table.n_values + (self._n + 1) * table.sliding[1]
+        workspace = self._library.ncgen_events_workspace(count, table.most, self._n, values)
         due = self._library.ncgen_events_integers(count)
         return {
             "signs": self._watched.struct.signs, "happened": self._ints(np.zeros(count)), "due": self._ints(np.zeros(due)),
             "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
             "directions": self._ints(np.zeros(table.most_watched)), "wanted": self._at(self._wanted),
             "room": self._reals(np.zeros(2 * self._n + 2 * table.most_watched)), "log": self._log,
+            "ways": self._reals(np.zeros(max(2 * table.n_holds, 1))),
             "flags": self._ints(np.zeros(self._library.ncgen_held_integers(table.n_holds))),
         }  # fmt: skip
 
@@ -252,8 +259,16 @@ class EventRuns:
             "count": table.count, "most": table.most, "n_actions": len(rows), "law": getattr(self._library, table.law),
             "directions": self._ints(table.directions), "actions": actions, "conditions": self._function(table.watched.function or 0),
             "derivatives": self._function(table.derivatives), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
-            "values": self._function(table.values), "noise": table.noise, **(self._held_in_c(table) or self._modes_in_c(table.holds)),
+            "values": self._function(table.values), "noise": table.noise, "n_velocities": table.n_velocities, **self._rubbings_in_c(table),
+            **(self._held_in_c(table) or self._modes_in_c(table.holds)),
         }  # fmt: skip
+
+    def _rubbings_in_c(self, table: EventsInC) -> dict[str, Any]:
+        """Contacts with friction as C has them."""
+        rubbings = self._ffi.new("ncgen_rubbing[]", list(table.rubbings))
+        self._kept.append(rubbings)
+        address, count = table.sliding
+        return {"n_rubbings": len(table.rubbings), "rubbings": rubbings, "n_sliding": count, "sliding": self._function(address)}
 
     def _held_in_c(self, table: EventsInC) -> dict[str, Any]:
         """What may be held in one mechanism with switches, as C has it."""
@@ -266,9 +281,8 @@ class EventRuns:
         members = {"holds": self._ffi.new("ncgen_hold[]", rows), "held_model": model, "held_dynamics": dynamics}
         self._kept.append(members)
         self._modes.append(mechanism)
-        counts = {"n_velocities": table.n_velocities, "n_holds": len(rows), "n_loads": loads}
-        follows = int(mechanism.friction != 0)
-        return {**members, **counts, "held_conditions": self._function(mechanism.conditions), "follows_loads": follows, "rubs": follows}
+        counts = {"n_holds": len(rows), "n_loads": loads, "follows_loads": table.follows_loads, "rubs": mechanism.friction != 0}
+        return {**members, **counts, "held_conditions": self._function(mechanism.conditions)}
 
     def _modes_in_c(self, holds: bool) -> dict[str, Any]:
         """The modes as C has them; where gaps may be held, an empty one comes first, which no gaps choose."""

@@ -111,7 +111,7 @@ class Batch(ABC):
             raise NcgenError(f"{kernels.name}.batch.{kernel}: the model calls a Python function; call kernels.{kernel} for every state")
         q = numbers(q, f"{kernels.name}.batch.{kernel}: q")
         if q.ndim != 2:
-            raise NcgenError(f"{kernels.name}.batch.{kernel}: q has shape {q.shape}; a row a state is needed, (…, {kernels.n})")
+            raise NcgenError(f"{kernels.name}.batch.{kernel}: q has shape {q.shape}; one row for each state is needed, (…, {kernels.n})")
         count = len(q)
         q = self._checked(q, kernel, "q", (count, kernels.n))
         program = kernels.programs.programs.get(kernel)

@@ -75,8 +75,8 @@ class Gears(Joints):
         """
         label = f"{coordinate.name} follows {other.name}"
         _check_two(label, coordinate, other)
-        for what, value in (("ratio", ratio), ("offset", offset)):
-            self._number(value, f"{label}: {what}")
+        for argument, value in (("ratio", ratio), ("offset", offset)):
+            self._number(value, f"{label}: {argument}")
         return self._keep(row.follow(coordinate, other, ratio, offset, USER))
 
     @fact

@@ -240,7 +240,7 @@ def _parametric_weights(
         names = mentioned([*direction.given, *(x for d in base for x in d)], parameters)
         raise ModelError(
             f"{frame.owner}: {element!r} lies on the line or in the plane of the body's other elements only at the default of {names}; "
-            "choose a default that shows its general place"
+            "choose a default outside this special position"
         )
     return weights
 

@@ -245,10 +245,10 @@ def slide_row(s: Relative, segment: Combination, axis: Combination, extent: floa
     )
 
 
-def follow(own: Relative, other: Relative, ratio: Value, offset: Value, owner: Owner) -> Row:
-    """own = ratio other + offset."""
-    arguments = {"s": own.components[0], "z": other.components[0]}
-    label = f"{own.name} follows {other.name}"
+def follow(coordinate: Relative, other: Relative, ratio: Value, offset: Value, owner: Owner) -> Row:
+    """coordinate = ratio other + offset."""
+    arguments = {"s": coordinate.components[0], "z": other.components[0]}
+    label = f"{coordinate.name} follows {other.name}"
     return Row(owner=owner, label=label, type=ROW_TYPES["follow"], arguments=arguments, data={"k": ratio, "c": offset}, scaled=False)
 
 

@@ -71,7 +71,8 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
         if length <= MOST_FUSED:
             programs["constraints"] = _constraints(programs, pattern, equations)
         else:
-            omitted.append(f"kernel constraints: {length} operations of phi, phi_q and gamma are written out once, not once more together")
+            words = "operations of phi, phi_q and gamma are emitted once, and not once more in one function"
+            omitted.append(f"kernel constraints: {length} {words}")
     programs = {name: share_angles(program) for name, program in programs.items()}
     return Programs(
         equations=equations, programs=programs, phi_q=pattern, mass=built["mass"].matrix, emission=emission, omitted=tuple(omitted)

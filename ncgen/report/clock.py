@@ -35,7 +35,7 @@ class Spread:
         return {"seconds": self.median / calls, "low": self.low / calls, "high": self.high / calls}
 
 
-def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS, sample_seconds: float | None = None) -> dict[Name, Spread]:
+def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS, *, sample_seconds: float | None = None) -> dict[Name, Spread]:
     """{name: seconds per call} of functions run(times), one sample of each in every round.
 
     sample_seconds: how long a sample lasts at least, MIN_SAMPLE_SECONDS by default

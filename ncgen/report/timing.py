@@ -22,7 +22,7 @@ def kernel_times(kernels: Kernels) -> dict[str, float]:
     timed as they are called.
     """
     runs = {name: _run(kernels, name) for name in kernels.programs.programs}
-    return {name: 1e9 * spread.median for name, spread in measure(runs, ROUNDS, SAMPLE_SECONDS).items()}
+    return {name: 1e9 * spread.median for name, spread in measure(runs, ROUNDS, sample_seconds=SAMPLE_SECONDS).items()}
 
 
 def _run(kernels: Kernels, name: str) -> Run:

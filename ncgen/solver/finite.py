@@ -235,7 +235,7 @@ def _is_term_finite(term: Term, definition: Kernel, equations: Terms, state: dic
 def _words(kernels: Kernels, term: Term) -> str:
     """A term by the user's own name for it."""
     if term.row is not None:
-        return f"row {term.row + 1} ({kernels.rows[term.row].label}, {term.owner})"
+        return f"constraint {term.row + 1} ({kernels.rows[term.row].label}, {term.owner})"
     if term in kernels.programs.equations.masses:
         return f"the mass of {term.label} ({term.owner})"
     return term.label

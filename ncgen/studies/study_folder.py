@@ -31,8 +31,11 @@ MANIFEST, LOCK = "study.json", ".lock"
 NAME = "variants-{:016d}-{:016d}.npz"
 FILES = re.compile(r"variants-(\d{16})-(\d{16})\.npz")
 UNFINISHED = ".variants-*"
-SAID_OF, SAID = "said of", "what was said"
-"""Arrays of a file beside the columns: variants of which something was said, and what. (No column has a blank in a name like these.)"""
+MESSAGE_VARIANTS, MESSAGES = "message variants", "message texts"
+"""Arrays of a file next to the columns: variants with messages, and these. (No column has a blank in a name like these.)"""
+
+FORMER = {"said of": MESSAGE_VARIANTS, "what was said": MESSAGES}
+"""{array in files of before: its name today}."""
 
 MAX_VARIANTS = 10**16 - 1
 """Variants of a study, as the names of files can say."""
@@ -142,7 +145,10 @@ class Folder:
 
     def write(self, block: Part) -> None:
         """Add variants. Raises NcgenError in one line where they cannot be written; what was written before stays."""
-        messages = {SAID_OF: np.array([*block.messages], dtype=np.int64), SAID: np.array([*block.messages.values()], dtype=str)}
+        messages = {
+            MESSAGE_VARIANTS: np.array([*block.messages], dtype=np.int64),
+            MESSAGES: np.array([*block.messages.values()], dtype=str),
+        }
         try:
             write_bytes(self.path / NAME.format(block.first, block.first + len(block)), packed(block.columns | messages))
         except NcgenError as error:
@@ -161,12 +167,12 @@ class Folder:
 
     def part(self, first: int, path: Path) -> Part:
         """The variants of one file. Raises NcgenError for a file that is broken."""
-        columns = self._read(path, (*self.columns, SAID_OF, SAID))
+        columns = self._read(path, (*self.columns, MESSAGE_VARIANTS, MESSAGES))
         return Part(first, {name: columns[name] for name in self.columns}, _messages_in(columns))
 
     def messages(self, path: Path) -> dict[int, str]:
         """{variant: sentence} of one file. Raises NcgenError for a file that is broken."""
-        return _messages_in(self._read(path, (SAID_OF, SAID)))
+        return _messages_in(self._read(path, (MESSAGE_VARIANTS, MESSAGES)))
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -212,26 +218,26 @@ class Folder:
 
     def _arrays(self, path: Path, names: Collection[str] | None) -> dict[str, np.ndarray]:
         """Columns of a file, None for all, whose checksums and lengths are right. Raises OSError, or ValueError in words."""
-        columns = arrays(path, names)
+        columns = arrays(path, names, FORMER)
         name = FILES.fullmatch(path.name)
         count = int(name[2]) - int(name[1]) if name else 0
-        for column in (*self.columns, SAID_OF, SAID) if names is None else names:
+        for column in (*self.columns, MESSAGE_VARIANTS, MESSAGES) if names is None else names:
             if column not in columns:
                 raise ValueError(f"it has no {column}")
-            if column in (SAID_OF, SAID):
-                if columns[column].ndim != 1 or columns[column].dtype.kind != ("i" if column == SAID_OF else "U"):
+            if column in (MESSAGE_VARIANTS, MESSAGES):
+                if columns[column].ndim != 1 or columns[column].dtype.kind != ("i" if column == MESSAGE_VARIANTS else "U"):
                     raise ValueError(f"{column} is no list")
                 continue
             shape = (count, len(self.manifest["times"])) if column.startswith("history(") and column in self.manifest["kept"] else (count,)
             if columns[column].shape != shape or columns[column].dtype.kind not in ("b" if column == "ok" else "if"):
                 raise ValueError(f"{column} has {columns[column].dtype} of shape {columns[column].shape}, not {shape}")
-        if {SAID_OF, SAID} <= columns.keys() and len(columns[SAID_OF]) != len(columns[SAID]):
-            raise ValueError(f"{SAID} and {SAID_OF} have different lengths")
+        if {MESSAGE_VARIANTS, MESSAGES} <= columns.keys() and len(columns[MESSAGE_VARIANTS]) != len(columns[MESSAGES]):
+            raise ValueError(f"{MESSAGES} and {MESSAGE_VARIANTS} have different lengths")
         return columns
 
 
 def _messages_in(columns: Mapping[str, np.ndarray]) -> dict[int, str]:
-    return dict(zip(columns[SAID_OF].tolist(), columns[SAID].tolist(), strict=True))
+    return dict(zip(columns[MESSAGE_VARIANTS].tolist(), columns[MESSAGES].tolist(), strict=True))
 
 
 def _remove(path: Path) -> None:

@@ -165,7 +165,7 @@ class Bench:
         if simulation.get("formalism", AUTO) not in (AUTO, "coordinate-partitioning"):
             return f"formalism is {simulation['formalism']}"
         if simulation.get("integrator", AUTO) == AUTO and not study.left_open:
-            return "the integrator is left open beside a formalism"
+            return "a formalism is named, and no integrator"
         if uses_accelerations(study.model) and any(column.is_output(study.model) for column in study.values):
             return "outputs mention accelerations or loads"
         try:

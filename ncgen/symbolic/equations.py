@@ -103,7 +103,7 @@ def _row(names: ModelNames, number: int, row: Row, perpendicular: Pairs, omitted
     if row.type is None:
         import sympy
 
-        where = f"row {number + 1} ({row.label})"
+        where = f"constraint {number + 1} ({row.label})"
         scalars, data = names.mentioned(row.written, where)
         if row.level == "position":
             _refuse_rates(row.written, scalars, f"{where}: an equation of position", "use m.constrain_velocity")

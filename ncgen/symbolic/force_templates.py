@@ -46,9 +46,9 @@ def derived_force(kind: ForceType) -> Template:
         )
     x, v, direction = _stretch(scalars)
     at = sympy.Dummy("x", real=True)
-    slope = sympy.factor_terms(kind.potential(sympy, at, **data).diff(at))  # of k (x - L0)^2/2 it is k (2 x - 2 L0)/2 before
+    derivative = sympy.factor_terms(kind.potential(sympy, at, **data).diff(at))  # of k (x - L0)^2/2 it is k (2 x - 2 L0)/2 before
     friction = kind.friction(sympy, x, v, **data)
-    parts = (replaced(slope, {at: x}), friction)
+    parts = (replaced(derivative, {at: x}), friction)
     tension = parts if kind.regular else (sympy.Add(*parts),)
     outputs: Outputs = {TemplateOutput("force", (k,)): sympy.Add(*(-term * along for term in tension)) for k, along in enumerate(direction)}
     outputs |= {TemplateOutput("potential"): kind.potential(sympy, x, **data), TemplateOutput("power"): -friction * v}

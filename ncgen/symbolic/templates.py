@@ -182,7 +182,7 @@ def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], d
     smooth, whole = beside_kinks(psi)
     still = dict.fromkeys(v, sympy.Integer(0))
     B = [psi.diff(rate) for rate in v]
-    if any(slope.has(*v) for slope in B if v):
+    if any(derivative.has(*v) for derivative in B if v):
         raise ValueError("it is not linear in the rates")
     change = sympy.Add(smooth.diff(time()), *(smooth.diff(s) * rate for s, rate in zip(x, v, strict=True)))
     outputs: Outputs = {
@@ -190,5 +190,5 @@ def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], d
         TemplateOutput("nu"): -replaced(psi, still),
         TemplateOutput("gamma"): whole(-change),
     }
-    outputs.update({TemplateOutput("phi_q", (k,)): slope for k, slope in enumerate(B)})
+    outputs.update({TemplateOutput("phi_q", (k,)): derivative for k, derivative in enumerate(B)})
     return Template(key=key, equation=f"{psi}", scalars=scalars, data=data, outputs=outputs)

@@ -54,13 +54,13 @@ def compiled(
     files: dict[str, str],
     flags: tuple[str, ...] = FLAGS,
     libraries: tuple[str, ...] = LIBRARIES,
-    patience: float = 0.0,
+    time_limit: float = 0.0,
     siblings: Callable[[], Sequence[Sibling]] = tuple,
 ) -> BuiltLibrary:
     """The library of some C sources, from the cache or compiled now by the first compiler that works.
 
     siblings: called where the library is not in the cache, for others whose objects are taken, of the first one that has them
-    patience: seconds that a compiler may take at least, where headers are much longer than what is given here
+    time_limit: seconds that a compiler may take at least, where headers are much longer than what is given here
     A flag that a compiler refuses is left out if code is only slower without it. What was left out and which compilers failed
     is reported in one warning, and found out once in a process.
     Raises CompileError with the compiler's log if there is none, or none that works.
@@ -75,7 +75,7 @@ def compiled(
             taken = compilers.accepted(compiler, (*flags, *compilers.own_flags()))
             try:
                 built = build(
-                    files, compiler, taken, libraries, patience=patience, objects=lambda: _objects(siblings(), compiler, libraries)
+                    files, compiler, taken, libraries, time_limit=time_limit, objects=lambda: _objects(siblings(), compiler, libraries)
                 )
             except CompileError as error:
                 if refused := compilers.examine(compiler, taken, error):
@@ -113,7 +113,7 @@ def build(
     flags: tuple[str, ...] = FLAGS,
     libraries: tuple[str, ...] = LIBRARIES,
     loads: bool = True,
-    patience: float = 0.0,
+    time_limit: float = 0.0,
     objects: Callable[[], Mapping[str, Path]] = dict,
 ) -> BuiltLibrary:
     """The library of some C sources by one compiler, from the cache or compiled now.
@@ -128,7 +128,7 @@ def build(
         if record := _record(folder / key, loads):
             return BuiltLibrary(folder / key / LIBRARY, 0.0, record["seconds"])
     try:
-        return written(lambda folder: _build(folder / key, recipe, loads, patience, objects()))
+        return written(lambda folder: _build(folder / key, recipe, loads, time_limit, objects()))
     except OSError as error:
         raise CompileError(
             f"there is no room to compile in: {error.strerror or error}; set NCGEN_CACHE_DIR to a folder with some"
@@ -150,7 +150,7 @@ def _build(
     entry: Path,
     recipe: Recipe,
     loads: bool,
-    patience: float,
+    time_limit: float,
     objects: Mapping[str, Path],
 ) -> BuiltLibrary:
     """Compile and publish an entry. Raises OSError where its folder does not take it."""
@@ -159,7 +159,7 @@ def _build(
         if problem := intruder(work):  # on some network drives nothing belongs to who made it
             raise PermissionError(errno.EACCES, problem)
         start = time.perf_counter()
-        command, log = compilers.make_library(work, recipe, loads, patience, objects)
+        command, log = compilers.make_library(work, recipe, loads, time_limit, objects)
         seconds = time.perf_counter() - start
         record = {"command": command, "seconds": round(seconds, 3), "log": log, "library": _digest(work / LIBRARY)}
         record["objects"] = {source: _digest(path) for source, path in compilers.objects_of(work).items()}

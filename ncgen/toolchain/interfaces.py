@@ -54,8 +54,10 @@ def interface(declarations: str, base: Interface | None = None) -> Interface:
     if description is None:
         description = _described(texts)
         keep(KIND, key, description)
-    fields = {name: _restored(value) for name, value in description.items()}
-    return _cffi_backend.FFI(key, **fields, **({} if base is None else {"_includes": (base,)}))
+    fields: dict[str, Any] = {name: _restored(value) for name, value in description.items()}
+    if base is not None:
+        fields["_includes"] = (base,)
+    return _cffi_backend.FFI(key, **fields)
 
 
 def _texts(declarations: str, base: Interface | None) -> Texts:

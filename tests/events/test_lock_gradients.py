@@ -36,7 +36,7 @@ def check_sweep(kernels, duration, steps, found, by, **given):
 
     back = ncgen.gradient(kernels, duration, steps, total, by=by, **given)
     forward = np.sum(found.q_by, axis=(0, 1)) + np.sum(found.qd_by, axis=(0, 1))
-    assert [back.slopes[name] for name in by] == pytest.approx(forward, rel=1e-10, abs=1e-10)
+    assert [back.derivatives[name] for name in by] == pytest.approx(forward, rel=1e-10, abs=1e-10)
 
 
 def test_a_clutch_that_closes_at_a_speed():

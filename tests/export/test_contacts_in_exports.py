@@ -107,6 +107,36 @@ def test_a_load_that_is_not_determined_ends_the_motion(tmp_path):
     assert said.startswith("the load that friction follows is not determined")
 
 
+def test_of_every_part_of_contacts_that_slide_the_load_is_determined(tmp_path):
+    """Two rods beyond the limit: each determinant is negative, and their product, that of both together, is positive."""
+    model = ncgen.Model("rods")
+    model.gravity((0, -G))
+    ground = {"on": model.ground, "at": model.point("O", (0, 0), fixed=True), "normal": model.vector("up", (0, 1), fixed=True)}
+    start = {}
+    for k, x in enumerate((0.0, 5.0)):
+        tip, end = model.point(f"A{k}", (x, 0)), model.point(f"B{k}", (x - math.sqrt(0.5), math.sqrt(0.5)))
+        model.contact(f"tip{k}", model.body(f"rod{k}", [tip, end], mass=1.0, inertia="rod"), tip, friction=1.67, **ground)
+        start |= {f"{P.name}.{axis}": speed for P in (tip, end) for axis, speed in (("x", 1.0), ("y", 0.0))}
+    *_, said = run_in_c(described(model, 1e-3, start), tmp_path, 1e-3)
+    assert said.startswith("the load that friction follows is not determined")
+
+
+@pytest.mark.parametrize("number", ["SINGLE", "LONG_DOUBLE"])
+def test_other_number_types(tmp_path, number):
+    """A block in space that a push of t N begins to move where it exceeds μ m g."""
+    model = ncgen.Model("block")
+    P = model.point("P", (0, 0, 0))
+    model.gravity((0, 0, -G))
+    model.force(P, (model.time, 0, 0))
+    up = model.vector("up", (0, 0, 1), fixed=True)
+    body = model.body("block", [P], mass=1.0)
+    model.contact("floor", body, P, model.ground, model.point("O", (0, 0, 0), fixed=True), normal=up, friction=0.2)
+    tolerance, rel = (1e-5, 1e-5) if number == "SINGLE" else (1e-14, 1e-12)
+    events, last, counts, _, said = run_in_c(model, tmp_path, 3.0, tolerance, number=f"-DBLOCK_NCGEN_{number}")
+    assert said == "ok" and counts == [0, 2, 0] and events[-1][0] == pytest.approx(0.2 * G, rel=rel)
+    assert last[1:3] == pytest.approx([(3.0 - 0.2 * G) ** 3 / 6, 0.0], rel=10 * rel)
+
+
 def test_the_law_of_several_contacts_must_be_said(tmp_path):
     from test_contact_impacts import block
 

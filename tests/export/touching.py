@@ -194,7 +194,7 @@ MODELS = SCENES | {
     "tube": lambda: of_example(tube(), 1.0),
     "two tips": lambda: described(plate(order="simultaneous"), 1.0, {"A.x": 1.0, "B.x": 1.0, "A.y": 0.0, "B.y": 0.0}),
     "superball": lambda: described(disc(1.0, friction=2.0, restitution=0.9, tangential=0.8), 2.0, velocity(0.3, 50.0)),
-    "clearance": lambda: described(clearance(), 0.01, turning_crank()),
+    "clearance": lambda: described(clearance(), 0.006, turning_crank()),
     "braked": braked,
     "friction of a load": pressed,
 }

@@ -327,7 +327,7 @@ OTHERS = {
     "an argument too many": (lambda s: s.model.gravity((0, 0, 1), 3), ["gravity", "field"]),
     "an argument misspelt": (lambda s: s.model.point("new", (0, 0), fxed=True), ["point", "fxed", "fixed"]),
     "an argument missing": (lambda s: s.model.revolute("rod", "arm", "A"), ["revolute", "axis"]),
-    "a driver twice": (lambda s: [s.model.drive(s.psi, 1.0), s.model.drive("psi", 2.0)], ["drive psi", "row 9 drives it already"]),
+    "a driver twice": (lambda s: [s.model.drive(s.psi, 1.0), s.model.drive("psi", 2.0)], ["drive psi", "constraint 9 drives it already"]),
     "a driver of what is fixed": (lambda s: s.model.drive(s.O.x, 1.0), ["drive O.x", "fixed"]),
     "a driver of a point": (lambda s: s.model.drive("A", 1.0), ["drive", "three coordinates", "A.x"]),
     "a body joined to itself": (lambda s: s.model.revolute("rod", "rod", "A", "v"), ["body rod", "itself"]),

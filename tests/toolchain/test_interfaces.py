@@ -64,8 +64,7 @@ def test_structs_have_the_sizes_that_cffi_gives_them(number):
 def test_a_run_from_the_cache_loads_what_it_needs(tmp_path):
     """Neither sympy, nor the parser of declarations, nor the packages around SciPy's LAPACK: each takes a tenth of a second or more."""
     command = [sys.executable, "-X", "importtime", "-m", "ncgen", "run", "fourbar", "-o", str(tmp_path / "out")]
-    for _ in range(2):
-        done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    _, done = (subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path) for _ in range(2))
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
     assert "ncgen.solver.lapack" in loaded
     assert loaded & {"sympy", "pycparser", "cffi", "scipy.linalg", "scipy.sparse", "matplotlib", "numpy.f2py"} == set()

@@ -259,7 +259,7 @@ def others(platforms: Sequence[str], version: int) -> list[Platform]:
         if name not in known:
             raise ModelError(f"platforms: {name} is unknown to fmu{version}; choose among {', '.join(known)}")
     if platforms and not importlib.util.find_spec("ziglang"):
-        raise NcgenError("platforms: units for other machines are compiled by the package ziglang; run pip install 'ncgen[export]'")
+        raise NcgenError("platforms: FMUs for other platforms are compiled with the package ziglang; run pip install 'ncgen[export]'")
     named = [PLATFORMS[name] for name in dict.fromkeys(platforms)]
     return [platform for platform in named if platform.folders[version] != _platform(version)]
 

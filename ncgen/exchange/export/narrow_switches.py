@@ -89,12 +89,12 @@ def _base(graph: Graph, node: int, degrees: Mapping[int, float]) -> int | None:
 
 def _argument(graph: Graph, law: int, base: int, defaults: Mapping[ArrayElement, float]) -> Argument | None:
     """The argument of a polynomial g, which a law is a function of; None where its vertex is a parameter and no factor of the law."""
-    slope = slope_in_time(graph, base)
-    assert slope is not None, "a narrow law's argument does not depend on time"
-    curvature = slope_in_time(graph, slope)
+    derivative = slope_in_time(graph, base)
+    assert derivative is not None, "a narrow law's argument does not depend on time"
+    curvature = slope_in_time(graph, derivative)
     if curvature is None:
         return Argument(base)
-    top = graph.neg(graph.div(graph.replaced(slope, {TIME: graph.const(0.0)}), curvature))
+    top = graph.neg(graph.div(graph.replaced(derivative, {TIME: graph.const(0.0)}), curvature))
     peak = graph.replaced(base, {TIME: top})
     bends, vertices = (np.array([_number(graph, node, defaults, factor) for factor in FACTORS]) for node in (curvature, peak))
     if np.ptp(vertices) <= ROUNDING_TOLERANCE * (1.0 + abs(vertices[0])):
@@ -108,7 +108,7 @@ def _argument(graph: Graph, law: int, base: int, defaults: Mapping[ArrayElement,
     if not np.all(np.abs(signs) == 1.0) or np.ptp(signs):
         return None
     size = graph.call("abs", graph.mul(curvature, scale))
-    return Argument(graph.div(slope, graph.call("sqrt", graph.mul(graph.const(2.0), size))), float(signs[0]), vertex)
+    return Argument(graph.div(derivative, graph.call("sqrt", graph.mul(graph.const(2.0), size))), float(signs[0]), vertex)
 
 
 def _number(graph: Graph, node: int, defaults: Mapping[ArrayElement, float], factor: float) -> float:

@@ -336,7 +336,7 @@ def _refusal(model: Model, events: bool) -> str | None:
     if reason := _refusal_of_events(model):
         return reason
     if model.branches:
-        return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"
+        return "the paper's sine-or-cosine constraints change between steps; use smooth angles"
     return None
 
 

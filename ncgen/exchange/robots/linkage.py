@@ -302,7 +302,7 @@ class _Linkage:
             joint = next(joint for joint in (*self.joints, *self.loops) if joint.name == first.name)
             if joint.mimic or joint in self.loops:
                 raise ModelError(
-                    f"{self.model.name}: {row.label}: joint {first.name} cannot follow {second.name} as well; leave one row out"
+                    f"{self.model.name}: {row.label}: joint {first.name} cannot follow {second.name} as well; leave one constraint out"
                 )
             open_by = a * float(first.initial[0]) + b * float(second.initial[0]) + shares[1]
             self._put(joint, replace(joint, mimic=Mimic(second.name, -b / a, -open_by / a)))
@@ -349,7 +349,7 @@ class _Linkage:
             is_joint = row.owner.joint in ("universal", *SLIDING)
             if not (_is_rod(row) or is_joint or row.owner.kind in ("body", "coordinate") or self._shares(row)):
                 raise ModelError(
-                    f"{model.name}: row {row.label} ({row.owner}) is that of no joint; a file of links and joints cannot say it"
+                    f"{model.name}: constraint {row.label} ({row.owner}) belongs to no joint; a file of links and joints cannot say it"
                 )
 
     # -- numbers -------------------------------------------------------------------------------

@@ -142,7 +142,7 @@ class Scope:
         if name in self.waiting:
             element.refuse(f"{label} is placed relative to itself, by way of {', '.join(shown(n) for n in self.waiting[:3])}")
         if len(self.waiting) > MAX_DEPTH:
-            element.refuse(f"{label} is placed relative to more than {MAX_DEPTH} others, one after the other; a robot needs no such row")
+            element.refuse(f"{label} is placed relative to more than {MAX_DEPTH} others, one after the other; a robot needs no such chain")
         self.waiting.append(name)
         yield
         self.waiting.pop()

@@ -93,8 +93,8 @@ def _by(kind: Literal["q", "qd"], function: Quantities) -> Parts:
     def parts(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
         variables = {operands.read(Reference(kind, j)): Axis("coordinate", j) for j in range(len(operands.bound.coordinates))}
         for position, node in function(operands, outputs).items():
-            for variable, slope in gradient(operands.graph, node, variables).items():
-                yield (*position, variables[variable]), slope
+            for variable, derivative in gradient(operands.graph, node, variables).items():
+                yield (*position, variables[variable]), derivative
 
     return parts
 
@@ -106,8 +106,8 @@ def _by_parameters(function: Quantities) -> Parts:
         loads = [(node, op.input) for node, op in enumerate(operands.graph.ops) if op.code == "load"]
         variables = {node: Axis("parameter", position) for node, (array, position) in loads if array == "p"}
         for target, node in function(operands, outputs).items():
-            for variable, slope in gradient(operands.graph, node, variables).items():
-                yield (*target, variables[variable]), slope
+            for variable, derivative in gradient(operands.graph, node, variables).items():
+                yield (*target, variables[variable]), derivative
 
     return parts
 

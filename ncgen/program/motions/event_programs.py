@@ -66,7 +66,7 @@ def assemble_conditions(
     gaps = [expression_node(lines, *each) for each in conditions]
     sizes = [expression_node(lines, where, terms_of(expression)) for where, expression in conditions]
     variables = [*(graph.load("q", i) for i in range(n)), *(graph.load("qd", i) for i in range(n)), graph.load("t", 0)]
-    slopes, zero = [gradient(graph, gap, variables) for gap in gaps], graph.const(0.0)
+    derivatives, zero = [gradient(graph, gap, variables) for gap in gaps], graph.const(0.0)
     along = {variables[i]: variables[n + i] for i in range(n)} | {variables[n + i]: graph.load("qdd", i) for i in range(n)}
     along[variables[-1]] = graph.const(1.0)
     rates = [tangent(graph, [gap], along).get(gap, zero) for gap in gaps]
@@ -74,7 +74,7 @@ def assemble_conditions(
     slides = [expression_node(lines, *each) for each in velocities]
     outputs = {
         "conditions": [node for pair in zip(gaps, sizes, strict=True) for node in pair],
-        "condition_derivatives": [slope.get(v, zero) for slope in slopes for v in variables],
+        "condition_derivatives": [derivative.get(v, zero) for derivative in derivatives for v in variables],
         "condition_rates": [*rates, *second],
         "action_values": [expression_node(lines, *each) for each in values],
         "element_values": [expression_node(lines, *each) for each in elements],

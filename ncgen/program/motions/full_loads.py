@@ -41,12 +41,12 @@ def assemble_loads(equations: Terms) -> tuple[Program, Program]:
     along |= {graph.load(*leaf): graph.load("change", k) for k, leaf in enumerate(moved)}
     changes = tangent(graph, nodes, along)
     inputs = ("t", "q", "qd", "qdd", "lam", "p", "seed", "change")
-    slope = lines.program("loads_tangent", inputs, [changes.get(node, graph.const(0.0)) for node in nodes])
+    derivative = lines.program("loads_tangent", inputs, [changes.get(node, graph.const(0.0)) for node in nodes])
     parameters = len(equations.parameters)
     lengths = {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": parameters, "seed": 1 + 2 * n + parameters, "change": 2 * n + m}
-    for each in (program, slope):
+    for each in (program, derivative):
         verify(each, lengths)
-    return program, slope
+    return program, derivative
 
 
 def loaded_elements(equations: Terms) -> list[tuple[Body, Spatial]]:

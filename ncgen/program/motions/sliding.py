@@ -34,6 +34,9 @@ from ncgen.symbolic.numbering import Terms
 MIN_SLIDING_VELOCITY = 1e-150
 """A sliding velocity (m/s) far below this has the direction in which it begins to slide."""
 
+MIN_SLIDING_VELOCITY_OF_FLOATS = 1e-18
+"""The same where numbers may be of single precision, in exports: its square is above their least one."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sliding:
@@ -41,7 +44,7 @@ class Sliding:
 
     velocity: its sliding velocity (m/s), one expression in the plane, two in space; slip: as of `Contact`
     is_joint: whether the load may push and pull; across: number of another constraint, with which the load is √(λ² + λ'²)
-    may_rest: whether its slip may be zero, where there is no friction of it
+    may_rest: whether its slip may be zero, where there is no friction of it, and numbers may be of single precision, as in exports
     """
 
     name: str
@@ -136,7 +139,8 @@ def _direction(lines: Lines, sliding: Sliding) -> dict[int, int]:
     unit = [graph.load("p", names.index(name)) for name in sliding.slip]
     if len(unit) > 1:
         side = graph.call("sign", graph.sum([graph.mul(w, d) for w, d in zip(velocities, unit, strict=True)]))
-        begun = [graph.mul(graph.const(MIN_SLIDING_VELOCITY), d) for d in unit]
+        least = MIN_SLIDING_VELOCITY_OF_FLOATS if sliding.may_rest else MIN_SLIDING_VELOCITY
+        begun = [graph.mul(graph.const(least), d) for d in unit]
         whole = [graph.add(graph.mul(side, w), d) for w, d in zip(velocities, begun, strict=True)]
         squares = [graph.mul(w, w) for w in whole]
         if sliding.may_rest:  # 0 / 1, not 0 / 0
@@ -147,10 +151,10 @@ def _direction(lines: Lines, sliding: Sliding) -> dict[int, int]:
     rates = [graph.load("qd", c) for c in range(n)]
     sums: dict[int, list[int]] = {}
     for velocity, d in zip(velocities, unit, strict=True):
-        slopes = gradient(graph, velocity, rates)
+        derivatives = gradient(graph, velocity, rates)
         for c, rate in enumerate(rates):
-            if rate in slopes:
-                sums.setdefault(c, []).append(graph.mul(slopes[rate], d))
+            if rate in derivatives:
+                sums.setdefault(c, []).append(graph.mul(derivatives[rate], d))
     return {c: graph.sum(nodes) for c, nodes in sums.items()}
 
 

@@ -89,8 +89,8 @@ class SlidingDerivatives:
             for c, node in column.items():
                 weight = graph.add(weights[c], v[c]) if c in v else weights[c]
                 sums.setdefault(node, []).append(graph.mul(weight, size))
-        slopes = adjoints(graph, _added(graph, sums), variables)
-        return [slopes.get(variable, graph.const(0.0)) for variable in variables]
+        derivatives = adjoints(graph, _added(graph, sums), variables)
+        return [derivatives.get(variable, graph.const(0.0)) for variable in variables]
 
 
 def assemble_friction_derivatives(equations: Terms, sizes: MotionSizes, sliding: Sequence[Sliding]) -> dict[str, Program]:

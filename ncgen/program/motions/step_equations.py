@@ -286,10 +286,14 @@ def assemble_step(programs: Programs, method: str) -> StepEquations:
     assert len(F) == layout.unknowns
     lengths = {"u": layout.unknowns, "x": layout.state, "w": len(INSTANTS) * step.n_w, "p": step.n_p}
     columns = {leaf: k for k, leaf in enumerate((array, i) for array, length in lengths.items() for i in range(length))}
-    slopes = _slopes(step.graph, [node.number for node in (*F, *G)], columns)
-    pattern = Pattern.of((len(F) + len(G), len(columns)), slopes)
+    derivatives = _slopes(step.graph, [node.number for node in (*F, *G)], columns)
+    pattern = Pattern.of((len(F) + len(G), len(columns)), derivatives)
     program = line(
-        step.graph, "step", INPUTS, [*(node.number for node in F), *(slopes[entry] for entry in sorted(slopes))], programs.equations
+        step.graph,
+        "step",
+        INPUTS,
+        [*(node.number for node in F), *(derivatives[entry] for entry in sorted(derivatives))],
+        programs.equations,
     )
     verify(program, {"t": 1, "h": 1 + extra(method, step.n), **lengths})
     return StepEquations(program, layout, pattern)
@@ -298,11 +302,11 @@ def assemble_step(programs: Programs, method: str) -> StepEquations:
 def _slopes(graph: Graph, outputs: Sequence[int], columns: dict[tuple[str, int], int]) -> dict[tuple[int, int], int]:
     """{(row, column): node of the derivative}."""
     variables = {graph.load(*leaf): column for leaf, column in columns.items()}
-    slopes: dict[tuple[int, int], int] = {}
+    derivatives: dict[tuple[int, int], int] = {}
     for row, output in enumerate(outputs):
         if output in variables:
-            slopes[row, variables[output]] = graph.const(1.0)
+            derivatives[row, variables[output]] = graph.const(1.0)
             continue
-        for variable, slope in gradient(graph, output, variables).items():
-            slopes[row, variables[variable]] = slope
-    return slopes
+        for variable, derivative in gradient(graph, output, variables).items():
+            derivatives[row, variables[variable]] = derivative
+    return derivatives

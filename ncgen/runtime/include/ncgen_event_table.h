@@ -15,6 +15,9 @@
 /* The same for what may be held. */
 #define NCGEN_HELD_INTEGERS(n_holds) (10 * (n_holds))
 
+/* So many parts of a motion, one after the other, may begin and end at one time. */
+enum { NCGEN_MOST_REPEATED = 100 };
+
 /* Numbers of workspace of an impact of gaps that have so many velocities. */
 #define NCGEN_IMPACT_WORKSPACE(rows) (3 * (rows) * (rows) + 16 * (rows))
 

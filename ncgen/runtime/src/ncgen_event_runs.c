@@ -20,9 +20,6 @@ int ncgen_held_integers(int holds)
     return NCGEN_HELD_INTEGERS(holds);
 }
 
-/* So many parts one after the other may begin and end at one time. */
-enum { MOST_REPEATED = 100 };
-
 /* What is needed to go back to the begin of a part, besides arrays. */
 typedef struct ncgen_kept {
     ncgen_moment moment;
@@ -245,7 +242,7 @@ static int complete(ncgen_event_runs *runs)
         const ncgen_scalar before = runs->moment.t;
         status = advance(runs);
         repeated = runs->moment.t > before ? 0 : repeated + 1;
-        if (status == NCGEN_OK && repeated > MOST_REPEATED)
+        if (status == NCGEN_OK && repeated > NCGEN_MOST_REPEATED)
             status = NCGEN_ENDLESS;
     }
     if (status == NCGEN_OK)

@@ -180,20 +180,11 @@ static int find_loads(void *context, int projected)
     return ncgen_try_mode(i->d, i->events, i->p, i->moment, i->passage);
 }
 
-/* Have velocities changed at this instant? */
-static int was_hit(const ncgen_instant *i)
-{
-    int changed = 0;
-    for (int j = 0; j < i->n; ++j)
-        changed |= i->moment->qd[j] < i->arrived[j] || i->moment->qd[j] > i->arrived[j];
-    return changed;
-}
-
 /* The gaps that are held from here on. resting (count): those whose bounces end; here those that nothing has hit are added */
 static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
 {
     ncgen_passage *passage = i->passage;
-    const int count = i->count, n = i->n, hit = was_hit(i);
+    const int count = i->count, n = i->n, hit = ncgen_was_hit(i);
     int *kinds = i->taking, *needs = i->places, *before = needs + count, *closed = before + count, *still = i->sticks;
     int *wanted = passage->wanted, *released = wanted + count;
     for (int k = 0; k < count; ++k) {
@@ -223,7 +214,7 @@ static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
 /* The same of what may be held in the mechanism with switches. */
 static int choose_held(ncgen_instant *i, const int *happened, const int *resting)
 {
-    const int status = ncgen_choose_held(i, happened, resting, was_hit(i));
+    const int status = ncgen_choose_held(i, happened, resting, ncgen_was_hit(i));
     for (int k = n_events(i); k < i->count; ++k) {
         const int way = ncgen_way(i->events, i->p, k);
         i->passage->signs[k] = way == NCGEN_UNWATCHED ? 0 : -way;
@@ -435,11 +426,13 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
+    int repeated = 0;
     if (*passage->stopped)
         return NCGEN_STOPPED;
     const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
+        const ncgen_scalar from = moment->t;
         ncgen_entered in;
         status = ncgen_enter_present(d, events, p, moment, passage, &in);
         const ncgen_driven *mode = &in.driven;
@@ -454,6 +447,9 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
             ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         if (status == NCGEN_OK)
             status = ncgen_apply_events(d, events, p, moment, passage);
+        repeated = moment->t > from ? 0 : repeated + 1;
+        if (status == NCGEN_OK && repeated > NCGEN_MOST_REPEATED)
+            status = NCGEN_ENDLESS;
     }
     return status;
 }

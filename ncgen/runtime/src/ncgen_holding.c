@@ -54,7 +54,8 @@ int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
         return NCGEN_OK;
     for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
         const ncgen_hold *hold = e->holds + h;
-        if (ncgen_is_lock(hold) || hold->kind == NCGEN_HOLDS_CONTACT || i->p[hold->on] > 0 || !is_still(i, hold))
+        const int is_driven = in->driven.model->nu || ncgen_is_gap(hold); /* else what cannot move is still but for rounding */
+        if (ncgen_is_lock(hold) || hold->kind == NCGEN_HOLDS_CONTACT || i->p[hold->on] > 0 || (is_driven && !is_still(i, hold)))
             continue;
         if (ncgen_is_gap(hold) && !ncgen_is_closed(i, hold->condition))
             continue;

@@ -33,6 +33,14 @@ static ncgen_real mobility(ncgen_instant *i, const ncgen_driven *d, const ncgen_
     return *status == NCGEN_OK ? ncgen_dot(i->n, direction, i->kept) : 0;
 }
 
+int ncgen_was_hit(const ncgen_instant *i)
+{
+    int changed = 0;
+    for (int j = 0; j < i->n; ++j)
+        changed |= i->moment->qd[j] < i->arrived[j] || i->moment->qd[j] > i->arrived[j];
+    return changed;
+}
+
 int ncgen_can_move(ncgen_instant *i, int condition, int *can)
 {
     return ncgen_can_move_along(i, ncgen_gradient(i, condition), can);
@@ -157,15 +165,21 @@ static int take_gaps(ncgen_instant *i, ncgen_impact *impact, int *wanted)
     return NCGEN_OK;
 }
 
-/* Ratchets that run backward, but for those that only just turn. */
-static void take_ratchets(ncgen_instant *i, ncgen_impact *impact, const int *turning)
+/* Ratchets that run backward, but for those that only just turn, and those that locks hold. at_rest: NULL, or others that do not */
+static int take_ratchets(ncgen_instant *i, ncgen_impact *impact, const int *turning, const int *at_rest)
 {
     const ncgen_events *e = i->events;
-    for (int h = 0; h < e->n_holds; ++h) {
+    int status = NCGEN_OK;
+    for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
         const int k = e->holds[h].condition;
-        if (e->holds[h].kind == NCGEN_HOLDS_RATCHET && !turning[k] && i->values[2 * k] <= 0)
+        int moves = 1;
+        if (e->holds[h].kind != NCGEN_HOLDS_RATCHET || turning[k] || i->values[2 * k] > 0 || (at_rest && at_rest[h]))
+            continue;
+        status = ncgen_can_move(i, k, &moves);
+        if (status == NCGEN_OK && moves)
             take(i, impact, k, 0);
     }
+    return status;
 }
 
 /* What is taken is hit. */
@@ -207,8 +221,9 @@ int ncgen_hit(ncgen_instant *i, int *hit)
     *hit = 0;
     if (status != NCGEN_OK || !wanted)
         return status;
-    take_ratchets(i, &impact, i->passage->due);
-    status = blow(i, &impact);
+    status = take_ratchets(i, &impact, i->passage->due, NULL);
+    if (status == NCGEN_OK)
+        status = blow(i, &impact);
     *hit = impact.closes;
     return status;
 }
@@ -216,6 +231,7 @@ int ncgen_hit(ncgen_instant *i, int *hit)
 int ncgen_catch(ncgen_instant *i, const int *happened)
 {
     ncgen_impact impact = impact_of(i, NCGEN_SIMULTANEOUS);
-    take_ratchets(i, &impact, happened);
-    return impact.count ? blow(i, &impact) : NCGEN_OK;
+    const int *held_before = i->passage->flags;
+    const int status = take_ratchets(i, &impact, happened, ncgen_was_hit(i) ? NULL : held_before);
+    return status == NCGEN_OK && impact.count ? blow(i, &impact) : status;
 }

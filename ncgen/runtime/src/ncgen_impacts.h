@@ -56,7 +56,11 @@ const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event); /* N
  * of the state before. */
 int ncgen_hit(ncgen_instant *i, int *hit);
 
-/* The impulses that stop ratchets which run backward, but for those that only just turn, as `happened` (count) says. */
+/* Have velocities changed at this instant? */
+int ncgen_was_hit(const ncgen_instant *i);
+
+/* The impulses that stop ratchets which run backward, but for those that only just turn, as `happened` (count) says, and those that were held
+ * where nothing was hit. */
 int ncgen_catch(ncgen_instant *i, const int *happened);
 
 /* The velocities that an event sets, with those of all other coordinates. */

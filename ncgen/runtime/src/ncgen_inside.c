@@ -234,6 +234,12 @@ static int find_at_nodes(const ncgen_event *event, int k, ncgen_walk *walk, int 
     return NCGEN_OK;
 }
 
+/* Does the part begin where the run resumes, at an instant whose events have just been carried out? */
+static int resumes(const ncgen_run *r, const part *p)
+{
+    return r->options->event->resumes && !(p->from > 0) && !(p->t > r->times[0]);
+}
+
 /* Does condition k happen within the part? Then between the shares *low and *high of it. */
 static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *crossed, ncgen_scalar *low, ncgen_scalar *high)
 {
@@ -241,10 +247,10 @@ static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *cros
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
     const ncgen_formulas *formulas = event->formulas;
     const ncgen_scalar size = size_of(event, k);
+    const ncgen_real first = sample(event, 0)[2 * k];
     const int has_formula = formulas && formulas->first[k] < formulas->first[k + 1];
     const int jumps = is_sampled(event, k) && !((p->to - p->from) * FINEST > 1); /* no polynomial is right there */
     if (r->constrained && (has_formula || jumps)) {
-        const ncgen_real first = sample(event, 0)[2 * k];
         ncgen_walk walk = {event->directions[k], event->signs[k] ? event->signs[k] : (first > 0) - (first < 0), 0, 0, 0};
         const int status = jumps ? find_at_nodes(event, k, &walk, crossed) : find_by_formula(r, w, p, k, size, &walk, crossed);
         event->signs[k] = walk.sign;
@@ -293,7 +299,7 @@ static int is_there(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen
 {
     const ncgen_event *event = r->options->event;
     const int way = event->directions[k];
-    const int is_start = event->resumes && !(*low > 0) && !(p->from > 0) && !(p->t > r->times[0]);
+    const int is_start = resumes(r, p) && !(*low > 0);
     *there = way == 0 && !(NCGEN_ABS(*at_low) > 0) && !is_start;
     if (way == 0 || *at_low * way < 0 || is_start || is_sampled(event, k))
         return NCGEN_OK;

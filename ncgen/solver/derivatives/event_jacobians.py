@@ -128,8 +128,8 @@ class EventJacobians:
         name = self._name(k, o.held_before)
         if k > self.functions.count + count_of(self._held(o.held_before)) - 1:
             raise self._none("stop", f"{where} ends the motion", "leave it out")
-        slopes = self.tangents.conditions(self.mode(o.before, o.held_before), self._held(o.held_before), o.before)[k]
-        by_time, by_state = slopes[0], slopes[1:]
+        derivatives = self.tangents.conditions(self.mode(o.before, o.held_before), self._held(o.held_before), o.before)[k]
+        by_time, by_state = derivatives[0], derivatives[1:]
         if np.any(by_state[2 * self.n :][self.driven]):
             raise self._none(name, f"{where} depends on an input that changes with time", "write that input as an expression of m.time")
         rate, size = by_time + by_state @ flow, abs(by_time) + np.abs(by_state) @ np.abs(flow)

@@ -94,11 +94,11 @@ class _Part:
         n, columns = self.motion.kernels.n, self._independent
         return np.vstack([change[2 * n :], change[columns[0]], change[n + columns[1]]])
 
-    def weights(self, slopes: np.ndarray) -> np.ndarray:
+    def weights(self, derivatives: np.ndarray) -> np.ndarray:
         """Derivatives by [q; q̇; p] at its start, of those by parameters, z and rates."""
         n, count, (z, rates) = self.motion.kernels.n, len(self.motion.p), self._independent
         weights_at_start = np.zeros(2 * n + count)
-        weights_at_start[2 * n :], weights_at_start[z], weights_at_start[n + rates] = np.split(slopes, [count, count + len(z)])
+        weights_at_start[2 * n :], weights_at_start[z], weights_at_start[n + rates] = np.split(derivatives, [count, count + len(z)])
         return weights_at_start
 
     @property
@@ -266,12 +266,12 @@ class EventMotion:
             by_state[:, -2:] = segment.last[:, None] * weights[: 2 * n].reshape(2, 1, n)
             by_state[0, segment.positions] += by_q[segment.rows]
             by_state[1, segment.positions] += by_qd[segment.rows]
-            slopes, felt = segment.motion.backward(by_state[0], by_state[1], names)
-            more, driven = segment.weights(slopes), [felt, *driven]
+            derivatives, felt = segment.motion.backward(by_state[0], by_state[1], names)
+            more, driven = segment.weights(derivatives), [felt, *driven]
             more[2 * n :] += weights[2 * n :]
             weights = more
         by_state, weights = np.zeros((2, len(self._begun.t), n)), self._first.T @ weights
         by_state[0, 0], by_state[1, 0] = weights[:n], weights[n : 2 * n]
-        slopes, _ = self._begun.backward(by_state[0], by_state[1], names)
-        slopes[: len(self.p)] += weights[2 * n :]
-        return slopes, Driven.joined(driven)
+        derivatives, _ = self._begun.backward(by_state[0], by_state[1], names)
+        derivatives[: len(self.p)] += weights[2 * n :]
+        return derivatives, Driven.joined(driven)

@@ -120,13 +120,13 @@ class PartitionedMotion:
         dy, dp = self._checked(directions)
         q_by, qd_by = [], []
         for k, (stages, h) in enumerate(zip(self._stages, np.diff(self._ends), strict=True)):
-            slopes, total = np.zeros_like(dy), np.zeros_like(dy)
+            derivatives, total = np.zeros_like(dy), np.zeros_like(dy)
             _, *changes_at_start = stages[0].forward(dy, dp) if k in self._jumps else (None,)
             dy = self._across(k, dy, dp)
             for stage, node, weight in zip(stages, NODES, WEIGHTS, strict=True):
-                slopes, *changes = stage.forward(dy + node * h * slopes, dp)
+                derivatives, *changes = stage.forward(dy + node * h * derivatives, dp)
                 changes_at_start = changes_at_start or changes
-                total += weight * slopes
+                total += weight * derivatives
             q_by.append(changes_at_start[0])
             qd_by.append(changes_at_start[1])
             dy = dy + h * total
@@ -190,11 +190,11 @@ class PartitionedMotion:
         """The four stages of every step; `_last` is the instant at the end."""
         y, guess = self.y0, StepStart(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         for t, h in zip(self._ends, np.diff(self._ends), strict=False):
-            stages, slope = [], np.zeros_like(y)
+            stages, derivative = [], np.zeros_like(y)
             for node in NODES:
-                stage = self._stage_at(guess, t + node * h, y + node * h * slope, self._present(t, t + node * h))
+                stage = self._stage_at(guess, t + node * h, y + node * h * derivative, self._present(t, t + node * h))
                 stages.append(stage)
-                slope = stage.slope
+                derivative = stage.slope
             self._keep(stages[0])
             guess = StepStart(t, stages[0].q, stages[0].qd, self.p)
             y = y + h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
@@ -275,7 +275,7 @@ class TrapezoidalMotion(PartitionedMotion):
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         dy, dp = self._checked(directions)
         still, before = np.zeros_like(dy), None
-        slope = still
+        derivative = still
         changes_at: dict[int, list[np.ndarray]] = {}
         for k, (step, h) in enumerate(zip(self._steps_of_run, np.diff(self._ends), strict=True)):
             if step is None:
@@ -283,11 +283,11 @@ class TrapezoidalMotion(PartitionedMotion):
                 continue
             first, last = step
             if first is not before:
-                slope, *changes = first.forward(dy, dp)
+                derivative, *changes = first.forward(dy, dp)
                 changes_at.setdefault(k, changes)
-            right = dy + h / 2 * (slope + last.forward(still, dp)[0])
+            right = dy + h / 2 * (derivative + last.forward(still, dp)[0])
             dy, before = np.linalg.solve(self._matrix(last, h), right), last
-            slope, *changes_at[k + 1] = last.forward(dy, dp)
+            derivative, *changes_at[k + 1] = last.forward(dy, dp)
         rows = [changes_at[k] for k in self._seen.tolist()]
         return np.array([dq for dq, _ in rows]), np.array([dqd for _, dqd in rows])
 

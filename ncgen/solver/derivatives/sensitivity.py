@@ -61,16 +61,16 @@ class Sensitivities:
 class Gradient:
     """The value of an objective and its derivatives by name: parameters, `z` and `rate(z)` of the independent coordinates.
 
-    Of an input that changes with time slopes say what adding one number to it at all times does; by_inputs {name: (samples,)} says it of
-    every value of those that are tables.
+    Of an input that changes with time, derivatives say what adding one number to it at all times does; by_inputs {name: (samples,)}
+    says it of every value of those that are tables.
     """
 
     value: float
-    slopes: dict[str, float]
+    derivatives: dict[str, float]
     by_inputs: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.slopes), MAX_ECHO)}>"
+        return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.derivatives), MAX_ECHO)}>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class Hessian:
     of `names`. Along all of them one by one this is the Hessian."""
 
     value: float
-    slopes: dict[str, float]
+    derivatives: dict[str, float]
     products: np.ndarray
     names: tuple[str, ...]
 
@@ -150,9 +150,9 @@ def gradient_one(
     motion = motion_of(kernels, duration, steps, **arguments)
     names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
     value, by_q, by_qd = of_objective(objective, motion.q, motion.qd)
-    slopes, driven = motion.backward(by_q, by_qd, names)
+    derivatives, driven = motion.backward(by_q, by_qd, names)
     by_inputs = motion.signals.by_values(driven.t, driven.begun, driven.values) if motion.signals else {}
-    return Gradient(value, {name: float(slopes[motion.names.index(name)]) for name in names}, by_inputs)
+    return Gradient(value, {name: float(derivatives[motion.names.index(name)]) for name in names}, by_inputs)
 
 
 @takes(MotionArguments, unused=(*NOT_DIFFERENTIATED, "options"), integrator="rk4", rtol=None)

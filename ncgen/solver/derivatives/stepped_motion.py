@@ -327,10 +327,10 @@ class SteppedMotion:
         return q_by, qd_by
 
 
-def _parted(slopes: np.ndarray, driven: tuple[int, ...], parameters: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _parted(derivatives: np.ndarray, driven: tuple[int, ...], parameters: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Slopes by a state, by inputs at all instants of a step and by parameters."""
     size = int(np.prod(driven))
-    state, inputs, by_p = np.split(slopes, [len(slopes) - parameters - size, len(slopes) - parameters])
+    state, inputs, by_p = np.split(derivatives, [len(derivatives) - parameters - size, len(derivatives) - parameters])
     return state, inputs.reshape(driven), by_p
 
 

@@ -41,10 +41,10 @@ Rows: TypeAlias = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Swept:
-    """slopes (B, columns): derivatives of a number of each state, NaN where there are none; status (B,): "ok", or why; alone (B,): states
+    """derivatives (B, columns): of a number of each state, NaN where there are none; status (B,): "ok", or why; alone (B,): states
     with a run of their own."""
 
-    slopes: np.ndarray
+    derivatives: np.ndarray
     status: list[str]
     alone: np.ndarray
 
@@ -121,7 +121,7 @@ class TapedBatch:
             request.no_rows(i)
         left = np.flatnonzero(swept.alone).tolist()
         for k, i in enumerate(left):
-            swept.status[i] = self._alone(i, request, swept.slopes)
+            swept.status[i] = self._alone(i, request, swept.derivatives)
             report(1.0 - (len(left) - k - 1) / count)
         return swept
 
@@ -152,7 +152,7 @@ class TapedBatch:
         fine = selection.start + np.flatnonzero(~runs.other)
         if request.weigh is not None and len(fine):
             frames = StartFrames(positions, velocities, kernels.start_p(p) if self.follows else None)
-            swept.slopes[fine] = self._back(runs, frames, request.weigh, fine, selection.start)
+            swept.derivatives[fine] = self._back(runs, frames, request.weigh, fine, selection.start)
         swept.alone[fine] = False
         for i in fine.tolist():
             swept.status[i] = "ok"
@@ -170,7 +170,7 @@ class TapedBatch:
         by_start, *by_state = start_back(runs, self.choice.partitions, frames, np.hstack([at_start, at_start_qd]))
         return np.hstack([by_p + by_start, *by_state])[selected]
 
-    def _alone(self, i: int, request: _Asked, slopes: np.ndarray) -> str:
+    def _alone(self, i: int, request: _Asked, derivatives: np.ndarray) -> str:
         """A run of a state's own; its status."""
         request.no_rows(i)
         try:
@@ -186,7 +186,7 @@ class TapedBatch:
         if request.weigh is not None:
             by_q, by_qd = request.weigh(np.array([i]), q[None], qd[None])
             try:
-                slopes[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])[0]
+                derivatives[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])[0]
             except NcgenError as error:
                 return str(error)
         return "ok"

@@ -237,7 +237,7 @@ class TapedMotion:
             q, qd, _ = done.last
             problem = on_the_way(kernels, q, qd, done.reached, done.tried, self.p)
             raise problem or ConvergenceError(
-                f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s ({done.status}); {REMEDIES[done.status]}"
+                f"{kernels.name}: the motion cannot continue beyond t = {done.reached:.6g} s ({done.status}); {REMEDIES[done.status]}"
             )
         if (t := self._run.not_differentiable) is not None:
             raise ModelError(

@@ -100,8 +100,8 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         return _by_the_matrix(path, kernels, task)
     if done.status in FINAL:
         raise ConvergenceError(
-            f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s, where steps become too short; the mechanism comes "
-            "to a singular position there, or rtol asks for less than rounding leaves"
+            f"{kernels.name}: the motion cannot continue beyond t = {done.reached:.6g} s, where steps become too short; the mechanism "
+            "comes to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count
@@ -136,10 +136,11 @@ class Instant:
                 self.lock([name])
                 self._note(name, "start", start, LOCKS[0])
 
-    def catch(self, due: Mapping[int, Search]) -> None:
-        """Stop ratchets that run backward, but for those that are due as they only just turn, by impulses that only push."""
-        start = self.at
-        taking = [k for k in self.functions.ratchets if k not in due and self.functions.values(start)[0][k] <= 0]
+    def catch(self, others: Collection[int]) -> None:
+        """Stop ratchets that run backward by impulses that only push, but for others: those that only just turn, and those at rest."""
+        start, functions = self.at, self.functions
+        taking = [k for k in functions.ratchets if k not in others and functions.values(start)[0][k] <= 0]
+        taking = self._movable(taking, functions.rate_slopes(start)) if taking else []
         gaps = gaps_of(self.functions, start, taking)
         if taking and (hit := hit_gaps(self.functions.mode(start), start, gaps, {"simultaneous"})):
             self.at = replace(start, qd=hit.qd)
@@ -194,13 +195,10 @@ class Instant:
         functions, start = self.functions, self.at
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
         values, scales = functions.weighed(start)
-        taking = [k for k in all_impacts if k in due or is_zero(values[k], scales[k])]
-        if self.at.locked:
-            still = is_blocked(functions.mode(start), self.kernels, start, functions.slopes(start)[0][taking])
-            taking = [k for k, fixed in zip(taking, still, strict=True) if not fixed]
+        taking = self._movable([k for k in all_impacts if k in due or is_zero(values[k], scales[k])], functions.slopes(start)[0])
         if not taking:
             return
-        hitting = [*taking, *(k for k in functions.ratchets if values[k] <= 0)]
+        hitting = [*taking, *self._movable([k for k in functions.ratchets if values[k] <= 0], functions.rate_slopes(start))]
         gaps, orders = gaps_of(functions, start, hitting), {functions.events[k].impact.order for k in taking} - {""}  # type: ignore[union-attr]
         if not (hit := hit_gaps(functions.mode(start), start, gaps, orders)):
             return
@@ -215,6 +213,13 @@ class Instant:
         for k in due:  # what else they do
             if len(functions.events[k].do) > 1:
                 self._act(k, searches[k])
+
+    def _movable(self, numbers: list[int], W: np.ndarray) -> list[int]:
+        """Those of some gaps and ratchets that locks which are closed let move; W (C, n): gradients of all conditions."""
+        if not self.at.locked or not numbers:
+            return numbers
+        still = is_blocked(self.functions.mode(self.at), self.kernels, self.at, W[numbers])
+        return [k for k, is_fixed in zip(numbers, still, strict=True) if not is_fixed]
 
     def _note_turns(self, hit: Hit, hitting: Sequence[int], start: State) -> None:
         """Note what hits did, of gaps with these numbers of conditions."""

@@ -212,7 +212,8 @@ class EventLoop:
         if is_start:
             instant.begin()
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
-        instant.catch(due)
+        unhit = self.held if np.array_equal(before.qd, instant.at.qd) else ()
+        instant.catch([*due, *unhit])
         self.at = instant.at
         rests = self._resting(np.flatnonzero(instant.chain.happened).tolist())
         ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]

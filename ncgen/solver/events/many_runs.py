@@ -35,7 +35,7 @@ from ncgen.solver.events import on_demand
 from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.event_table import EventTable
-from ncgen.solver.events.held_mechanism import refusal_of_shared, with_switches
+from ncgen.solver.events.held_mechanism import refusal_of_frictions, refusal_of_shared, with_switches
 from ncgen.solver.events.modes import Held, load_conditions, rank_of, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.loads.constraint_loads import refusal_of_multipliers
@@ -54,8 +54,6 @@ SEARCHES: tuple[Search, ...] = ("polynomial", "start", "action", "sampled")
 def refusal_in_c(kernels: Kernels) -> str | None:
     """Why motions with the events of a mechanism are not carried out in C as a whole, in words, or None."""
     model = kernels.model
-    if model.contacts:
-        return f"{next(iter(model.contacts))} is held in Python"
     if not all(isinstance(action, (Change, Impact, Locking, Stop)) for event in model.events.values() for action in event.do):
         return "an event does what no table can say"
     if model.callbacks or model.branches:
@@ -64,9 +62,9 @@ def refusal_in_c(kernels: Kernels) -> str | None:
         return "there are rolling conditions, or more unknowns than are emitted"
     if Actions.of(kernels).changed(kernels) & judged_parameters(kernels):
         return "events change parameters that have conditions"
-    if any(friction.load is not None for friction in model.frictions.values()):
-        return refusal_of_shared(kernels, kernels.q0)
-    return None
+    if any(friction.load is not None for friction in model.frictions.values()) and (why := refusal_of_shared(kernels, kernels.q0)):
+        return why
+    return refusal_of_frictions(model) or None
 
 
 @dataclass(eq=False, kw_only=True)
@@ -85,7 +83,7 @@ class ManyRuns:
     def __post_init__(self) -> None:
         self._drive()
         model = self.kernels.model
-        self._exported = self._with_switches() if model.frictions or model.ratchets or model.locks else None
+        self._exported = self._with_switches() if model.frictions or model.contacts or model.ratchets or model.locks else None
         kernels = self.kernels
         self.functions = EventFunctions(kernels)
         self._lock, self._ended, self._done = Lock(), False, 0
@@ -183,7 +181,7 @@ class ManyRuns:
         read()
         for i in range(first, last):
             if i not in refused:
-                self.carried[i] = tuple(map(self._happening, notes[i]))
+                self.carried[i] = self._happenings(notes[i])
 
     def _without_jumps(self, first: int, last: int) -> Iterator[tuple[int, int]]:
         """The parts of a chunk between motions that are left to single runs."""
@@ -197,8 +195,15 @@ class ManyRuns:
         model, functions = self.kernels.model, self.functions
         locking = [[LOCKS[not action.closes] for action in event.do if isinstance(action, Locking)] for event in functions.events]
         pairs = [(event.name, (words[-1] if words else "", *GAPS)) for event, words in zip(functions.events, locking, strict=True)]
-        pairs += [(name, ("", *JOINTS)) for name in model.frictions] + [(name, ("", *RATCHETS)) for name in model.ratchets]
+        pairs += [(name, ("", *JOINTS)) for name in (*model.frictions, *model.contacts)]
+        pairs += [(name, ("", *RATCHETS)) for name in model.ratchets] + [(name, ("", *JOINTS)) for name in map(str, functions.turns)]
         return pairs + [(each.name, ("", *LOCKS)) for each in (self._exported.holdables if self._exported else ())]
+
+    def _happenings(self, notes: list[Note]) -> tuple[Happening, ...]:
+        """Those of a motion; at one instant a gap and the contact that sticks there have the same limit."""
+        happened = [self._happening(note) for note in notes]
+        limits = {(each.t, each.name): each.limit for each in happened if each.limit is not None}
+        return tuple(replace(each, limit=limits.get((each.t, each.name))) for each in happened)
 
     def _happening(self, note: Note) -> Happening:
         search = SEARCHES[note.cause] if note.cause else self._searches[note.event]
@@ -239,7 +244,7 @@ class ManyRuns:
         rows, values = (exported.rows, exported.values) if exported else (actions.rows, actions.values)
         count = functions.count
         return EventsInC(
-            directions=[*actions.directions, *[-1] * (count - len(actions.directions))],
+            directions=functions.directions.tolist(),
             actions=[(row.event, row.kind, row.index, row.value) for row in rows],
             law=actions.law,
             most=max(actions.most, count),
@@ -250,8 +255,11 @@ class ManyRuns:
             rates=address["condition_rates"],
             values=self._values(values),
             holds=bool(functions.rows),
-            held=self._held(exported) if exported else None,
+            held=self._held(exported) if exported and exported.held else None,
+            follows_loads=bool(exported and exported.follows_loads),
             n_velocities=count - len(functions.events),
+            rubbings=[vars(row) for row in exported.rubbing_rows] if exported else (),
+            sliding=(functions.address("contact_velocities"), len(exported.sliding)) if exported and exported.sliding else (0, 0),
         )
 
     def _values(self, values: list[tuple[str, Scalar]]) -> int:
@@ -269,7 +277,7 @@ class ManyRuns:
         kernels = self.kernels.remember("held with switches", (), lambda: on_demand.compiled(mechanism.sources, backend="c"))
         made = self._compiled(kernels, "held_conditions", mechanism.programs[0], 2 * (self.functions.count + loads))
         dynamics = acceleration_forms.all_coordinates(kernels, form="dense", integrator=self.method.integrator.name)
-        friction = self._compiled(kernels, "held_friction", mechanism.programs[1], kernels.n) if exported.follows_loads else 0
+        friction = self._compiled(kernels, "held_friction", mechanism.programs[1], kernels.n) if exported.rubs else 0
         return rows, HeldGaps(held=(), dynamics=dynamics, rank=-1, conditions=made, friction=friction), loads
 
     def _compiled(self, kernels: Kernels, kind: str, program: Program, size: int) -> int:

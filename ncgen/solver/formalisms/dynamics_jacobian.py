@@ -68,26 +68,26 @@ def input_accelerations(kernels: Kernels, now: Motion, p: np.ndarray, rows: np.n
 def multiplier_changes(kernels: Kernels, partition: Partition, now: Motion, p: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     """dλ (m, k) with changes of q, q̇, q̈ and p in k directions that the balance allows; rows that are not kept get zero."""
     t, q, qd = now.t, now.q, now.qd
-    slopes = (
+    derivatives = (
         kernels.stiffness(q, qd, now.qdd, now.lam, t, p),
         kernels.damping(q, qd, t, p),
         kernels.mass_matrix(q, t, p),
         kernels.balance_p(q, qd, now.qdd, now.lam, t, p),
     )
-    right = np.sum([slope @ change for slope, change in zip(slopes, changes, strict=True)], axis=0)
+    right = np.sum([derivative @ change for derivative, change in zip(derivatives, changes, strict=True)], axis=0)
     frame = kinematics(kernels, partition, q, t, p)
     return -frame.multipliers(right, kernels.m)
 
 
 def rate_slope(kernels: Kernels, now: Motion, p: np.ndarray | None = None) -> np.ndarray:
     """∂(Φ_q q̇ − ν)/∂q, (m, n): half of ∂Φ̈/∂q̇ for equations of position, whose Φ̈ is quadratic in q̇."""
-    slope = kernels.phidd_qd(now.q, now.qd, now.t, p).toarray() / 2
+    derivative = kernels.phidd_qd(now.q, now.qd, now.t, p).toarray() / 2
     if len(kernels.holonomic) < kernels.m:
         rolling = np.setdiff1d(np.arange(kernels.m), kernels.holonomic)
         # Φ̈ = Φ_q q̈ − γ: what q̈ = q̇ adds to its slope is that of Φ_q q̇.
         moving, still = (kernels.phidd_q(now.q, now.qd, x, now.t, p).toarray() for x in (now.qd, 0.0 * now.qd))
-        slope[rolling] = (moving - still)[rolling]
-    return slope
+        derivative[rolling] = (moving - still)[rolling]
+    return derivative
 
 
 def full_jacobian(

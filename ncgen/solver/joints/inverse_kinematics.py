@@ -191,12 +191,12 @@ class _Search:
         x = np.clip(x, self.low, self.high)
         left, damping = self.left(x), 1e-3
         for _ in range(MAX_STEPS):
-            slope = self.slope(x)
-            uphill = slope.T @ left
+            derivative = self.slope(x)
+            uphill = derivative.T @ left
             free = ~((x <= self.low) & (uphill > 0) | (x >= self.high) & (uphill < 0))
             if np.max(np.abs(left)) <= ROUNDING or not np.any(free):
                 break
-            across, sizes, along = np.linalg.svd(slope[:, free], full_matrices=False)
+            across, sizes, along = np.linalg.svd(derivative[:, free], full_matrices=False)
             downhill, most = across.T @ left, float(np.max(sizes, initial=0.0))
             while damping <= 1e6:
                 step = np.zeros_like(x)

@@ -37,7 +37,7 @@ def followed_by(kernels: Kernels, tree: Tree) -> dict[int, tuple[int, float]]:
     left = np.abs(over_rates + over_own @ shares) / kernels.row_sizes[:, None]
     if left.size and left.max() > ROW_TOLERANCE:
         row = kernels.rows[int(np.argmax(left.max(axis=1)))]
-        raise ModelError(f"{kernels.name}: row {row.label} ({row.owner}) closes a loop")
+        raise ModelError(f"{kernels.name}: constraint {row.label} ({row.owner}) closes a loop")
     followed = {}
     for c, coefficients in zip(columns, shares, strict=True):
         k = int(np.argmax(np.abs(coefficients)))

@@ -59,8 +59,8 @@ def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, 
     numbers = [i for i, row in enumerate(model.rows) if row.owner.kind != "body"]
     history = np.zeros((len(run.t), len(numbers), bonds.kernels.n))
     for k, (t, q, lam) in enumerate(zip(run.t, run.q, run.lam, strict=True)):
-        slopes = bonds.kernels.phi_q(bonds.position(q), t, run.kernels.present(t, run.p))[numbers]
-        history[k] = -lam[numbers, None] * slopes.toarray()
+        derivatives = bonds.kernels.phi_q(bonds.position(q), t, run.kernels.present(t, run.p))[numbers]
+        history[k] = -lam[numbers, None] * derivatives.toarray()
     at = {element: geometry.element(run.kernels, element, run.q, run.p) for element in columns_of}
     loads_of_rows = []
     for i, number in enumerate(numbers):
@@ -150,7 +150,7 @@ def loads_between(
             raise _unknown(f"{row.label} ({held[0].name})", body, neighbour, min(_bearers(row, bodies, held[0], ground) - {body}))
         felt += [(e, row.forces[e]) for e in elements if e not in shared]
     if not (felt or meet):
-        raise ModelError(f"body {body} shares no point and no vector with {neighbour}, and no row ties them")
+        raise ModelError(f"body {body} shares no point and no vector with {neighbour}, and no constraint connects them")
     return felt
 
 

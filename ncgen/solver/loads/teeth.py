@@ -101,10 +101,10 @@ def meshes(run: Trajectory, pressure_angle: float) -> tuple[tuple[ToothMesh, ...
 def _contacts(run: Trajectory, number: int) -> Iterator[_Contact]:
     """All ways in which a row is two sides that touch; one that teeth can have has one."""
     kernels, t = run.kernels, float(run.t[0])
-    slopes = kernels.jacobian(run.q[0], t, kernels.present(t, run.p))[number]
-    tied = [(run.model.elements.get(kernels.coordinates[j]), float(slopes[j])) for j in np.flatnonzero(slopes)]
-    angles = [(coordinate, slope) for coordinate, slope in tied if isinstance(coordinate, Angle)]
-    lengths = [(coordinate, slope) for coordinate, slope in tied if isinstance(coordinate, Length)]
+    derivatives = kernels.jacobian(run.q[0], t, kernels.present(t, run.p))[number]
+    tied = [(run.model.elements.get(kernels.coordinates[j]), float(derivatives[j])) for j in np.flatnonzero(derivatives)]
+    angles = [(coordinate, derivative) for coordinate, derivative in tied if isinstance(coordinate, Angle)]
+    lengths = [(coordinate, derivative) for coordinate, derivative in tied if isinstance(coordinate, Length)]
     if len(tied) != 2 or len(angles) + len(lengths) != 2 or len(angles) == 0:
         return
     ways = _racks(run, *lengths[0], *angles[0]) if lengths else _pairs(run, [a for a, _ in angles], [r for _, r in angles])

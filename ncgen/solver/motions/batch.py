@@ -140,9 +140,9 @@ def accelerations_batch(
     if out is not None and (z or out.choice.kernels is not kernels):
         raise ModelError(f"{kernels.name}: out has results of {out.choice.kernels.name} with its own z; leave z or out out")
     if out is None:
-        states = States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"))
+        states = States.of(kernels, Method.of("coordinate-partitioning", "dopri5"), q0=q, zd0=zd, p=p, t0=t, z=z)
     else:
-        states = States.of(kernels, q, zd, p, t, z, None, out.choice)
+        states = States.of(kernels, None, out.choice, q0=q, zd0=zd, p=p, t0=t)
     states = _with_inputs(kernels, states, inputs, values)
     if out is not None:
         arrays = _places(kernels, out, states)
@@ -185,7 +185,7 @@ def simulate_batch(
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
     threads, method = checked_threads(threads), in_lanes(kernels, run)
-    states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
+    states = States.of(kernels, method, assembled=True, q0=q0, zd0=zd0, p=p, t0=run.initial.t, z=run.initial.z, qd0=qd0)
     states = _with_inputs(kernels, states, inputs, run.initial.p)
     if not np.isfinite(states.zd).all(axis=1).any():
         argument = "zd0" if qd0 is None else "qd0"

@@ -36,7 +36,7 @@ def archive(run: Trajectory) -> bytes:
     np.savez(
         buffer, t=run.t, q=run.q, qd=run.qd, qdd=run.qdd, lam=run.lam, work=run.work, p=run.p,
         coordinates=np.array(run.coordinates, dtype=str), parameters=np.array(run.kernels.parameters, dtype=str),
-        rows=np.array([r.label for r in run.model.rows], dtype=str), independent=np.array(run.independent, dtype=str),
+        constraints=np.array([r.label for r in run.model.rows], dtype=str), independent=np.array(run.independent, dtype=str),
         about=np.array(json.dumps(about(run))), **inputs_and_outputs,
     )  # fmt: skip
     return buffer.getvalue()
