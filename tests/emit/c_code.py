@@ -15,8 +15,6 @@ WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotio
 C99 = ("-std=c99", *WARNINGS)
 CPP98 = ("-std=c++98", *WARNINGS)
 
-POSITION_KERNELS = ("phi", "phi_q", "nu", "mass")
-VELOCITY_KERNELS = ("gamma", "force", "energy", "power", "constraints")
 
 # C99 and C++98 alike: prints what the descriptor holds, and calls every kernel at MOVE steps from the initial position.
 CONSUMER = r"""

@@ -240,8 +240,7 @@ static int resumes(const ncgen_run *r, const part *p)
     return r->options->event->resumes && !(p->from > 0) && !(p->t > r->times[0]);
 }
 
-/* Does condition k happen within the part? Then between the shares *low and *high of it. Where a run resumes on the other side of zero than
- * its events left it on, that is rounding, and so is as much again. */
+/* Does condition k happen within the part? Then between the shares *low and *high of it. */
 static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *crossed, ncgen_scalar *low, ncgen_scalar *high)
 {
     const ncgen_event *event = r->options->event;
@@ -249,7 +248,6 @@ static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *cros
     const ncgen_formulas *formulas = event->formulas;
     const ncgen_scalar size = size_of(event, k);
     const ncgen_real first = sample(event, 0)[2 * k];
-    const int is_other = resumes(r, p) && ((event->signs[k] > 0 && first < 0) || (event->signs[k] < 0 && first > 0));
     const int has_formula = formulas && formulas->first[k] < formulas->first[k + 1];
     const int jumps = is_sampled(event, k) && !((p->to - p->from) * FINEST > 1); /* no polynomial is right there */
     if (r->constrained && (has_formula || jumps)) {
