@@ -78,7 +78,10 @@ static int is_mixed(ncgen_walk *w, int degree, const ncgen_real *b, int place, i
     int sign;
     const ncgen_scalar unit = 1 / (ncgen_scalar)whole, low = (ncgen_scalar)place * unit, high = (ncgen_scalar)(place + width) * unit;
     const ncgen_scalar span = to - from;
-    restrict_to(degree, b, low, high, c);
+    if (width < whole)
+        restrict_to(degree, b, low, high, c);
+    else
+        ncgen_copy(degree + 1, b, c);
     const int changes = changes_of(degree, c, noise, &sign), first = sign_of(c[0], noise), last = sign_of(c[degree], noise);
     if (width > 1 && (changes > 1 || (changes == 1 && !(first && last))))
         return 1;
