@@ -46,6 +46,8 @@ static void restrict_to(int degree, const ncgen_real *b, ncgen_scalar low, ncgen
 {
     for (int i = 0; i <= degree; ++i)
         c[i] = b[i];
+    if (!(low > 0) && !(high < 1))
+        return;
     for (int j = 1; j <= degree; ++j)
         for (int i = degree; i >= j; --i)
             c[i] = (1 - high) * c[i - 1] + high * c[i];
@@ -78,10 +80,7 @@ static int is_mixed(ncgen_walk *w, int degree, const ncgen_real *b, int place, i
     int sign;
     const ncgen_scalar unit = 1 / (ncgen_scalar)whole, low = (ncgen_scalar)place * unit, high = (ncgen_scalar)(place + width) * unit;
     const ncgen_scalar span = to - from;
-    if (width < whole)
-        restrict_to(degree, b, low, high, c);
-    else
-        ncgen_copy(degree + 1, b, c);
+    restrict_to(degree, b, low, high, c);
     const int changes = changes_of(degree, c, noise, &sign), first = sign_of(c[0], noise), last = sign_of(c[degree], noise);
     if (width > 1 && (changes > 1 || (changes == 1 && !(first && last))))
         return 1;
