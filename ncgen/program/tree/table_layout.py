@@ -30,10 +30,11 @@ def tables_of(tree: OpenTree) -> TreeTables:
     members = [_members(tree, link) for link in links]
     meters = {k: number for number, (k, _) in enumerate(tree.measured.values())}
     closing_entries, products = _closing(tree)
+    ways = [_way(tree, row) for row in tree.closing]
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
         "n_measured": len(tree.measured), "n_rotors": len(tree.rotors),
-        "n_groups": len(tree.coupled.carriers),
+        "n_groups": len(tree.coupled.carriers), "n_closing": len(tree.closing),
         "most_rows": max(map(len, tree.closes)), "most_members": max(map(len, members)),
     }  # fmt: skip
     indices = {
@@ -61,6 +62,9 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "rotors": _flat([rotor[:2] for rotor in tree.rotors]),
         "row_start": _starts([len(rows) for rows in tree.closes]),
         "rows": _flat(tree.closes),
+        "closing": tree.closing,
+        "way_start": _starts([len(way) for way in ways]),
+        "way": _flat(ways),
         "own_start": _starts([len(entries) for entries in closing_entries]),
         "own": _flat(closing_entries),
         "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),
@@ -110,6 +114,13 @@ def _closing(tree: OpenTree) -> tuple[list[list[int]], list[list[tuple[int, int]
         closing_entries += [list(each.values()) for each in entries]
         products += [[(s, other[c]) for c, s in one.items() if c in other] for i, one in enumerate(entries) for other in entries[: i + 1]]
     return closing_entries, products
+
+
+def _way(tree: OpenTree, row: int) -> list[int]:
+    """The links that a closing row's coordinates move with, and those before them, the last first."""
+    screws = {k: link for link, own in enumerate(tree.own) for k in own}
+    touched = {tree.home[tree.where[c][0]] if c in tree.where else screws[tree.measured[c][0]] for c in tree.rows[row]}
+    return sorted({link for each in touched for link in tree.tree.chain(each)}, reverse=True)
 
 
 def _starts(lengths: Sequence[int]) -> list[int]:

@@ -18,7 +18,7 @@ from ncgen.model.elements import Component, Point, Spatial
 from ncgen.model.pairs import Screw
 from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Pattern
-from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, NoTables, couplings, followed
+from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, Couplings, NoTables, couplings, followed
 from ncgen.symbolic.numbering import Numbering
 from ncgen.symbolic.tree import Tree, by_depth, moving
 
@@ -72,8 +72,8 @@ class OpenTree:
     Raises NoTables for any other mechanism.
     """
 
-    def __init__(self, numbering: Numbering, tree: Tree, mass: Pattern, phi_q: Pattern, around: Around) -> None:
-        self.pattern, self.around = phi_q, around
+    def __init__(self, numbering: Numbering, tree: Tree, mass: Pattern, phi_q: Pattern, around: Around, closes_loops: bool = False) -> None:
+        self.pattern, self.around, self.closes_loops = phi_q, around, closes_loops
         if not tree.links:
             raise NoTables("there are no bodies")
         self.tree = tree = by_depth(tree)
@@ -94,18 +94,36 @@ class OpenTree:
         self.rotors: list[tuple[int, int, float]] = []
         self.measured: dict[int, tuple[int, float]] = {}
         self.coupled = couplings(tree, {})
+        self.closing: list[int] = []
         self._take_rows()
         samples = self._places()
         self._leave_out(samples)
         self._take_measured(samples)
-        self.coupled = couplings(tree, followed(self.rows, phi_q, np.array([sample.phi_q for sample in samples]), self.measured))
+        self.coupled = self._couplings(samples)
         self._take_masses(mass, samples)
+        if closes_loops:
+            self._leave_to_loops(self._opposed(samples[0], range(len(self.rows))))
         for sample in samples:
             self._check(sample)
 
+    def _couplings(self, samples: Sequence[SampledPosition]) -> Couplings:
+        """The joints that follow others; rows that say anything else of measured coordinates alone close loops."""
+        values = np.array([sample.phi_q for sample in samples])
+        try:
+            return couplings(self.tree, followed(self.rows, self.pattern, values, self.measured))
+        except NoTables:
+            if not self.closes_loops:
+                raise
+        return couplings(self.tree, {})
+
+    def _leave_to_loops(self, rows: Sequence[int]) -> None:
+        """Let rows close loops, not links."""
+        self.closing = sorted({*self.closing, *rows})
+        self.closes = [[r for r in own if r not in self.closing] for own in self.closes]
+
     @property
     def freedoms(self) -> int:
-        """Of all joints that follow no others."""
+        """Of all joints that follow no others, loops being open."""
         return len(self.screws) - len(self.coupled.leaders)
 
     # -- positions -----------------------------------------------------------------------------
@@ -176,9 +194,25 @@ class OpenTree:
         """A link that two elements move with."""
         deeper, other = (a, b) if self.home[a] >= self.home[b] else (b, a)
         link = self.home[deeper]
-        if self.home[other] != link and self.elements[other] not in self.tree.links[link].body.elements:
+        if self.home[other] == link:
+            return link
+        if self.elements[other] not in self.tree.links[link].body.elements or (self.closes_loops and not self._moves_with(other, link)):
             raise NoTables("a mass belongs to two bodies")
         return link
+
+    def _moves_with(self, element: int, link: int) -> bool:
+        """True where an element that belongs to a link before another one is moved by that link's joint as by its own; at the end of a loop
+        it is not."""
+        is_point = isinstance(self.elements[element], Point)
+        for x in self._random():
+            values, origins, twists = self._twists(self.around.q, x)
+            place = values[self.components[element]]
+            (turning, along), own = twists[link], self.velocities(self.around.q, x)[self.components[element]]
+            carried = _cross(turning, place - is_point * origins[link]) + is_point * along
+            size = np.max(np.abs(turning)) * np.max(np.abs(place)) + np.max(np.abs(along))
+            if np.max(np.abs(own - carried)) > RELATIVE_TOLERANCE * size:
+                return False
+        return True
 
     # -- rows ----------------------------------------------------------------------------------
 
@@ -229,7 +263,7 @@ class OpenTree:
         """The closed position near q, each link brought to those before it by the smallest change."""
         for _ in range(MOST_STEPS):
             sample = sample_at(q)
-            if np.max(np.abs(sample.phi), initial=0.0) <= POSITION_RESIDUAL:
+            if np.max(np.abs(np.delete(sample.phi, self.closing)), initial=0.0) <= POSITION_RESIDUAL:
                 return sample
             step = np.zeros(self.n)
             for link, unknowns in enumerate(self.unknowns):
@@ -242,8 +276,11 @@ class OpenTree:
     def _places(self) -> list[SampledPosition]:
         """Closed positions: where the mechanism is, and two around it, with other parameters where there are any."""
         first, *others = self.around.looks
+        of_bodies = [r for r, row in enumerate(self.rows) if all(c in self.where for c in row)]
+        if self.closes_loops:
+            self._leave_to_loops(self._opposed(first(self.around.q), of_bodies))
         closed_places = [self._closed(self.around.q, first)]
-        self._check_rows(closed_places[0], [r for r, row in enumerate(self.rows) if all(c in self.where for c in row)])
+        self._check_rows(closed_places[0], of_bodies)
         for k, x in enumerate(self._random()):
             moved = self.velocities(closed_places[0].q, x)[: self.n] * (-1) ** k
             guess = closed_places[0].q + SAMPLE_DISTANCE * moved / np.max(np.abs(moved) / self.around.columns)
@@ -290,10 +327,22 @@ class OpenTree:
 
     def velocities(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """q̇ (n,) at rates of the joints, those of fixed components behind it: (n + fixed,)."""
+        values, origins, twists = self._twists(q, rates)
+        qd = np.zeros(len(values))
+        turning, along = np.array(twists)[self.home].transpose(1, 0, 2)
+        is_point = np.array([isinstance(element, Point) for element in self.elements])[:, None]
+        levers = values[self.components] - np.where(is_point, np.array(origins)[self.home], 0.0)
+        qd[self.components] = np.cross(turning, levers) + np.where(is_point, along, 0.0)
+        for c, (k, ratio) in self.measured.items():
+            qd[c] = ratio * rates[k]
+        return qd
+
+    def _twists(self, q: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, list[np.ndarray], list[tuple[np.ndarray, np.ndarray]]]:
+        """Components, fixed ones behind the coordinates, and of every link where its reference point is, its angular velocity and that
+        point's velocity."""
         values = np.append(q, [component.initial for component in self.fixed])
         axes = [sum((weight * values[c] for weight, c in terms), np.zeros(3)) for terms in self.terms]
         origins = [values[c] for c in self.references]
-        qd = np.zeros(len(values))
         twists: list[tuple[np.ndarray, np.ndarray]] = []
         for number, link in enumerate(self.tree.links):
             turning, along = np.zeros(3), np.zeros(3)
@@ -306,13 +355,7 @@ class OpenTree:
                 else:
                     turning = turning + rates[k] * axes[k]
             twists.append((turning, along))
-        turning, along = np.array(twists)[self.home].transpose(1, 0, 2)
-        is_point = np.array([isinstance(element, Point) for element in self.elements])[:, None]
-        levers = values[self.components] - np.where(is_point, np.array(origins)[self.home], 0.0)
-        qd[self.components] = np.cross(turning, levers) + np.where(is_point, along, 0.0)
-        for c, (k, ratio) in self.measured.items():
-            qd[c] = ratio * rates[k]
-        return qd
+        return values, origins, twists
 
     def _check(self, sample: SampledPosition) -> None:
         """Raise NoTables where a row does not allow what the joints do, or lets more move."""
@@ -321,15 +364,23 @@ class OpenTree:
             raise NoTables("a body can move otherwise than by its joint")
 
     def _check_rows(self, sample: SampledPosition, rows: Sequence[int]) -> None:
-        """Raise NoTables where one of these rows, or a fixed component, does not allow what the joints do."""
+        """Raise NoTables where one of these rows does not allow what the joints do, unless it closes a loop."""
+        if set(self._opposed(sample, rows)) - set(self.closing):
+            raise NoTables("rows close loops")
+
+    def _opposed(self, sample: SampledPosition, rows: Sequence[int]) -> list[int]:
+        """Those of some rows that do not allow what the joints do. Raises NoTables where joints move a fixed component."""
+        opposed: set[int] = set()
         jacobian = scipy.sparse.csr_array((sample.phi_q, self.pattern.indices, self.pattern.indptr), shape=self.pattern.shape)
         for x in self._random():
             v = self.velocities(sample.q, x)
             moved, held, least = v[: self.n], v[self.n :], RELATIVE_TOLERANCE * np.max(np.abs(v[: self.n]))
             off, terms = np.abs(jacobian @ moved), abs(jacobian) @ np.abs(moved)
             rounding = ENTRY_ROUNDING * self.around.rows * np.max(np.abs(moved) / self.around.columns)
-            if np.any((off > RELATIVE_TOLERANCE * terms + rounding)[rows]) or np.any(np.abs(held) > least):
-                raise NoTables("rows close loops")
+            if np.any(np.abs(held) > least):
+                raise NoTables("joints move what is fixed")
+            opposed |= {r for r in rows if off[r] > RELATIVE_TOLERANCE * terms[r] + rounding[r]}
+        return sorted(opposed)
 
     def is_regular(self, sample: SampledPosition) -> bool:
         """True where all rows are independent, link by link."""

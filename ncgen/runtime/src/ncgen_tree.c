@@ -7,6 +7,7 @@
  */
 #include "ncgen_tree.h"
 #include "ncgen_tree_bodies.h"
+#include "ncgen_tree_loops.h"
 #include "ncgen_tree_rates.h"
 #include "ncgen_tree_solve.h"
 
@@ -128,6 +129,7 @@ static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen
     ncgen_tree_place at = ncgen_tree_begin(w);
     int status = NCGEN_OK;
     w->is_factored = w->is_factored && is_same(r->n, q, w->values);
+    w->are_there = w->are_there && w->is_factored;
     ncgen_copy(r->n, q, w->values);
     for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own) {
         if (own->is_hinge)
@@ -207,6 +209,8 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     for (int i = 0; i < tree->n_measured; ++i)
         w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
     ncgen_copy(n, w->moved, out + n);
+    if (tree->n_closing)
+        is_regular &= ncgen_gamma(r, t, q, out, w->gamma) == NCGEN_OK && ncgen_tree_close_loops(r, w, t, w->gamma, out + n);
     if (ncgen_power(r, t, q, out, out + 2 * n) != NCGEN_OK)
         is_regular = 0;
     out[2 * n + 1] = growth_of(is_regular && ncgen_is_finite(2 * n, out));
@@ -234,6 +238,8 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     for (int i = 0; i < tree->n_measured; ++i)
         w->moved[tree->measured[2 * i]] += tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
     ncgen_copy(n, w->moved, out);
+    if (tree->n_closing)
+        is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
     out[n] = growth_of(is_regular && ncgen_is_finite(n, out));
 }
 
@@ -259,6 +265,8 @@ int ncgen_tree_basis(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
 {
     const int n_screws = w->tree->n_screws;
     int count = 0;
+    if (w->tree->n_closing)
+        return 0;
     for (int i = 0; i < r->n; ++i)
         w->bias[i] = 0;
     ncgen_tree_mass_at(r, w, t, q);

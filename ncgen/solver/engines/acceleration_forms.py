@@ -12,7 +12,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.program.tree.table_layout import tables_of
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.open_tree import open_tree
+from ncgen.solver.positions.open_tree import open_tree, tree_with_loops
 from ncgen.solver.positions.partition import (
     choose_partitions,
 )
@@ -48,7 +48,7 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
 
     def made() -> ConstrainedDynamics:
         samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
-        tree = open_tree(kernels) if form == "tree" else None
+        tree = tree_with_loops(kernels) if form == "tree" else None
         component = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
         return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, component)
 
@@ -75,7 +75,13 @@ def form_of(kernels: Kernels, method: Method) -> Form:
         return "tree"
     if _is_recursive(kernels, method):
         return "emitted"
-    return "tree" if _may_recur(kernels, method) and open_tree(kernels) else "dense"
+    return "tree" if _may_recur(kernels, method) and (open_tree(kernels) or _closes_loops(kernels, method)) else "dense"
+
+
+def _closes_loops(kernels: Kernels, method: Method) -> bool:
+    """True for a tree with loops that moves in loops over tables: by an explicit method, since stiff ones need the degrees of freedom that
+    loops leave."""
+    return not method.integrator.takes_jacobian and tree_with_loops(kernels) is not None
 
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:
