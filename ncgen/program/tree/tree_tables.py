@@ -119,7 +119,7 @@ class OpenTree:
     def _leave_to_loops(self, rows: Sequence[int]) -> None:
         """Let rows close loops, not links."""
         self.closing = sorted({*self.closing, *rows})
-        self.closes = [[r for r in own if r not in self.closing] for own in self.closes]
+        self.closes = [[r for r in closing_rows if r not in self.closing] for closing_rows in self.closes]
 
     @property
     def freedoms(self) -> int:
@@ -206,11 +206,11 @@ class OpenTree:
         is_point = isinstance(self.elements[element], Point)
         for x in self._random():
             values, origins, twists = self._twists(self.around.q, x)
-            place = values[self.components[element]]
-            (turning, along), own = twists[link], self.velocities(self.around.q, x)[self.components[element]]
-            carried = _cross(turning, place - is_point * origins[link]) + is_point * along
-            size = np.max(np.abs(turning)) * np.max(np.abs(place)) + np.max(np.abs(along))
-            if np.max(np.abs(own - carried)) > RELATIVE_TOLERANCE * size:
+            position = values[self.components[element]]
+            (turning, along), velocity = twists[link], self.velocities(self.around.q, x)[self.components[element]]
+            carried = _cross(turning, position - is_point * origins[link]) + is_point * along
+            size = np.max(np.abs(turning)) * np.max(np.abs(position)) + np.max(np.abs(along))
+            if np.max(np.abs(velocity - carried)) > RELATIVE_TOLERANCE * size:
                 return False
         return True
 
