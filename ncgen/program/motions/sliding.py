@@ -31,8 +31,9 @@ from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import STATE, AccelerationNodes
 from ncgen.symbolic.numbering import Terms
 
-MIN_SLIDING_VELOCITY = 1e-150
-"""A sliding velocity (m/s) far below this has the direction in which it begins to slide."""
+BEGINNING = 1e-11
+"""A sliding velocity in space far below this share of the length of `slip` counts as having that direction: friction turns the velocity the
+faster the smaller it is, and integrators could not follow from rest on."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -134,7 +135,7 @@ def _direction(lines: Lines, sliding: Sliding) -> dict[int, int]:
     unit = [graph.load("p", names.index(name)) for name in sliding.slip]
     if len(unit) > 1:
         side = graph.call("sign", graph.sum([graph.mul(w, d) for w, d in zip(velocities, unit, strict=True)]))
-        begun = [graph.mul(graph.const(MIN_SLIDING_VELOCITY), d) for d in unit]
+        begun = [graph.mul(graph.const(BEGINNING), d) for d in unit]
         whole = [graph.add(graph.mul(side, w), d) for w, d in zip(velocities, begun, strict=True)]
         size = graph.call("sqrt", graph.sum([graph.mul(w, w) for w in whole]))
         unit = [graph.div(w, size) for w in whole]

@@ -369,7 +369,7 @@ static int find_first(ncgen_run *r, ncgen_stepping *w, const part *p, int *happe
     }
     const ncgen_scalar same = same_instant * r->rounding * (1 + NCGEN_ABS(p->t) / ((p->to - p->from) * p->h));
     for (int k = 0; k < event->count; ++k)
-        event->crossed[k] = shares[k] <= *s + same;
+        event->crossed[k] = shares[k] <= 1 && shares[k] <= *s + same;
     *s = share_of(p, *s);
     return status;
 }
