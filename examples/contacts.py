@@ -129,7 +129,7 @@ def draw(path: str) -> None:
     m, start = woodpecker()
     run = ncgen.simulate(ncgen.compile(m), 1.0, qd0=start, points=4001)
     places[3].plot(run.t, 1e3 * run["y.x"])
-    sticks = [each for each in run.events if each.what == "sticks"]
+    sticks = [each for each in run.events if each.transition == "sticks"]
     places[3].plot([each.t for each in sticks], [1e3 * each.q[0] for each in sticks], "ko", markersize=4, label="sticks")
     places[3].set(title="A woodpecker sticks and slips", xlabel="t (s)", ylabel="height (mm)")
     places[3].legend(frameon=False)

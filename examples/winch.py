@@ -131,7 +131,7 @@ def draw_winch(place: Axes) -> None:
     place.plot(run.t, run["rate(height)"], label="weight (m/s)")
     place.plot(run.t, run["height"], "k", label="height (m)")
     named = [each for each in run.events if each.t > 0 and each.name not in ("motor.on", "motor.off")]
-    words = {each.t: f"{each.name.partition('.')[0]} {each.what or each.name.partition('.')[2]}" for each in reversed(named)}
+    words = {each.t: f"{each.name.partition('.')[0]} {each.transition or each.name.partition('.')[2]}" for each in reversed(named)}
     for t, text in words.items():
         place.axvline(t, color="grey", linewidth=0.7)
         place.text(t, 2.6, text, rotation=90, ha="right", va="bottom", fontsize=8)
@@ -162,7 +162,7 @@ def draw(path: str) -> None:
     places[3].plot(run.t, [math.atan2(y, x) for x, y in zip(run["B.x"] - run["A.x"], run["B.y"] - run["A.y"], strict=True)])
     places[3].set(title="A block rocks", xlabel="t (s)", ylabel="angle (rad)")
     run = moved(rope, 1.8)
-    leaves, taut = (each.t for each in run.events if each.what == "leaves" or each.impulse)
+    leaves, taut = (each.t for each in run.events if each.transition == "leaves" or each.impulse)
     slack = (run.t > leaves) & (run.t < taut)
     for part, style in ((run.t <= leaves, "-"), (slack, ":"), (run.t >= taut, "-")):
         places[4].plot(run["P.x"][part], run["P.y"][part], "C0" + style)
@@ -178,7 +178,7 @@ def main(arguments: list[str]) -> None:
         draw(arguments[0])
         return
     for each in moved(winch, 7.0).events:
-        print(f"{each.t:.6f} s  {each.name} {each.what}".rstrip())
+        print(f"{each.t:.6f} s  {each.name} {each.transition}".rstrip())
 
 
 if __name__ == "__main__":

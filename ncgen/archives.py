@@ -11,6 +11,7 @@ import zipfile
 import zlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -28,10 +29,10 @@ UNREADABLE_ERRORS = (
 MEMBER = ".npy"
 
 
-def arrays(path: Path, names: Collection[str] | None = None) -> dict[str, np.ndarray]:
+def arrays(path: Path, names: Collection[str] | None = None, former: Mapping[str, str] = MappingProxyType({})) -> dict[str, np.ndarray]:
     """Read the arrays of an archive.
 
-    names: those that are wanted if they are there; None for all
+    names: those that are wanted if they are there; None for all; former: {name in archives of before: name today}
     Raises OSError for what is no ordinary file, and ValueError, in words, for what is no archive, or not whole.
     """
     with opened(path) as file:
@@ -40,7 +41,8 @@ def arrays(path: Path, names: Collection[str] | None = None) -> dict[str, np.nda
                 members = archive.infolist()
                 if sum(member.file_size for member in members) > MOST_TIMES * os.fstat(file.fileno()).st_size:
                     raise ValueError("an archive that unpacks to far more than it is")
-                stored = {member.filename.removesuffix(MEMBER): member for member in members if member.filename.endswith(MEMBER)}
+                listed = [(member.filename.removesuffix(MEMBER), member) for member in members if member.filename.endswith(MEMBER)]
+                stored = {former.get(name, name): member for name, member in listed}
                 if len(stored) < len(members):
                     raise ValueError("a member is no array, or there twice")
                 wanted = [name for name in stored if names is None or name in names]

@@ -184,14 +184,14 @@ class Interrupted(KeyboardInterrupt):
 # -- messages of several packages ------------------------------------------------------------------------------------------
 
 
-def one_of(value: object, what: str, known: Iterable[str]) -> str:
+def one_of(value: object, where: str, known: Iterable[str]) -> str:
     """Return a word that is known.
 
     Parameters
     ----------
     value : object
         What was given.
-    what : str
+    where : str
         What it is, with its place, for the message: `integrator`.
     known : iterable of str
         The words that there are.
@@ -208,15 +208,20 @@ def one_of(value: object, what: str, known: Iterable[str]) -> str:
     """
     words = tuple(known)
     if not isinstance(value, str) or value not in words:
-        raise unknown_word(value, what, words)
+        raise unknown_word(value, where, words)
     return value
 
 
-def unknown_word(value: object, what: str, known: Iterable[str]) -> ModelError:
+def unknown_word(value: object, where: str, known: Iterable[str]) -> ModelError:
     """Return the error about a word that is not among those that are known."""
-    return ModelError(f"{what} {shown(value)} is unknown; choose one of {', '.join(known)}")
+    return ModelError(f"{where} {shown(value)} is unknown; choose one of {', '.join(known)}")
 
 
-def foreign(where: str, what: str) -> ModelError:
+def given_twice(function: str, former: str, today: str) -> ModelError:
+    """Return the error about an argument that is given by its former name and by that of today."""
+    return ModelError(f"{function}: {former} is the former name of {today}, and both are given; give {today}")
+
+
+def foreign(where: str, element: str) -> ModelError:
     """Return the error about an element of another model."""
-    return ModelError(f"{where}: {what} belongs to another model; use this model's own")
+    return ModelError(f"{where}: {element} belongs to another model; use this model's own")

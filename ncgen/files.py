@@ -15,7 +15,7 @@ from functools import wraps
 from pathlib import Path
 from typing import IO, Any, TypeVar, cast
 
-from ncgen.errors import ModelError, NcgenError, shown
+from ncgen.errors import NcgenError, given_twice, shown
 
 READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """Flags under which opening waits for nobody: a pipe without a writer would hold a process for ever."""
@@ -56,13 +56,15 @@ def _mode(path: Path) -> int | None:
         return None
 
 
-def output_was(former: str) -> Callable[[Method], Method]:
-    """Let callers name the argument `output`, the place where a function writes, by its former name as well.
+def argument_was(former: str, today: str = "output") -> Callable[[Method], Method]:
+    """Let callers name an argument by its former name as well.
 
     Parameters
     ----------
     former : str
-        The former name: `path` or `folder`.
+        The former name, such as `path` or `folder`.
+    today : str, optional
+        Its name; by default that of the file or folder that a function writes.
 
     Returns
     -------
@@ -74,9 +76,9 @@ def output_was(former: str) -> Callable[[Method], Method]:
         @wraps(function)
         def renamed(*args: Any, **keywords: Any) -> Any:
             if former in keywords:
-                if "output" in keywords:
-                    raise ModelError(f"{function.__name__}: {former} is the former name of output, and both are given; give output")
-                keywords["output"] = keywords.pop(former)
+                if today in keywords:
+                    raise given_twice(function.__name__, former, today)
+                keywords[today] = keywords.pop(former)
             return function(*args, **keywords)
 
         return cast(Method, renamed)

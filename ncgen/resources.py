@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -20,5 +21,5 @@ def package_files(*names: str) -> list[Path]:
     files = []
     for name in names:
         root = _PACKAGE / name if (_PACKAGE / name).is_dir() else folder(name)
-        files += sorted(p for p in root.rglob("*") if p.is_file() and p.suffix != ".pyc")
+        files += sorted(Path(folder, file) for folder, _, inside in os.walk(root) for file in inside if not file.endswith(".pyc"))
     return files

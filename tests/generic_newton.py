@@ -37,9 +37,9 @@ class Equations:
         (F, G), graph = METHODS[method](step), step.graph
         self.layout = StepLayout.of(method, step.n, step.m)
         unknowns = {graph.load("u", i): i for i in range(self.layout.unknowns)}
-        entries = [(row, unknowns[v], slope) for row, f in enumerate(F) for v, slope in gradient(graph, f.place, unknowns).items()]
+        entries = [(row, unknowns[v], slope) for row, f in enumerate(F) for v, slope in gradient(graph, f.number, unknowns).items()]
         self.places = np.array([entry[:2] for entry in entries]).T
-        outputs = [*(f.place for f in F), *(g.place for g in G), *(entry[2] for entry in entries)]
+        outputs = [*(f.number for f in F), *(g.number for g in G), *(entry[2] for entry in entries)]
         program = line(graph, "step", INPUTS, outputs, kernels.programs.equations)
         counts = {"h": 1 + extra(method, kernels.n), "x": self.layout.state, "u": self.layout.unknowns, "p": len(kernels.p0)}
         counts["w"] = len(INSTANTS) * len(kernels.inputs)

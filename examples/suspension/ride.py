@@ -125,7 +125,7 @@ class Ride:
     def cost(self, x: np.ndarray) -> tuple[float, np.ndarray]:
         """With its gradient, for `minimize`."""
         found = self.gradient(x)
-        return found.value, np.array([found.slopes[name] for name in self.kernels.parameters]) * UNITS
+        return found.value, np.array([found.derivatives[name] for name in self.kernels.parameters]) * UNITS
 
 
 def begin() -> np.ndarray:

@@ -295,6 +295,21 @@ int andrews_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
+/* power: 1 operations */
+int andrews_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)t;
+    (void)q;
+    (void)p;
+
+    {
+        /* torque on beta */
+        const ncgen_real dbeta = qd[10];
+        power[0] = R(0.033) * dbeta;
+    }
+
+    return NCGEN_OK;
+}
 /* constraints: 150 operations, 2 of them elementary functions */
 int andrews_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
@@ -483,7 +498,7 @@ const ncgen_model *andrews_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "andrews",
-        .fingerprint = "ef30be948d1eae20",
+        .fingerprint = "84c21099a14fa0e9",
         .n_coordinates = 11,
         .n_rows = 10,
         .n_parameters = 0,
@@ -499,6 +514,7 @@ const ncgen_model *andrews_model(void)
         .mass = andrews_mass,
         .force = andrews_force,
         .energy = andrews_energy,
+        .power = andrews_power,
         .constraints = andrews_constraints,
     };
     return &model;

@@ -38,6 +38,7 @@ int andrews_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const
 int andrews_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 20 numbers, 0 operations */
 int andrews_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 11 numbers, 14 operations */
 int andrews_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 64 operations */
+int andrews_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 1 operations */
 int andrews_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 49 numbers, 150 operations */
 
 #ifdef __cplusplus

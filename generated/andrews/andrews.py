@@ -319,6 +319,16 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 1 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # torque on beta
+    dbeta = qd[..., 10]
+    power[..., 0] = 0.033 * dbeta
+    return power
+
+
 def constraints(t, q, qd, p):
     """49 numbers, 150 operations."""
     t = np.asarray(t)

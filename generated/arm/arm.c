@@ -1359,6 +1359,34 @@ int arm_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
+/* power: 13 operations */
+int arm_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)t;
+    (void)q;
+
+    {
+        /* torque on psi1; torque on psi2; torque on psi3; torque on psi4; torque on psi5; torque on psi6; torque on psi7 */
+        const ncgen_real dpsi1 = qd[42];
+        const ncgen_real tau1 = p[0];
+        const ncgen_real dpsi2 = qd[43];
+        const ncgen_real tau2 = p[1];
+        const ncgen_real dpsi3 = qd[44];
+        const ncgen_real tau3 = p[2];
+        const ncgen_real dpsi4 = qd[45];
+        const ncgen_real tau4 = p[3];
+        const ncgen_real x1 = dpsi4 * tau4 + (dpsi3 * tau3 + (dpsi1 * tau1 + dpsi2 * tau2));
+        const ncgen_real dpsi5 = qd[46];
+        const ncgen_real tau5 = p[4];
+        const ncgen_real dpsi6 = qd[47];
+        const ncgen_real tau6 = p[5];
+        const ncgen_real dpsi7 = qd[48];
+        const ncgen_real tau7 = p[6];
+        power[0] = dpsi7 * tau7 + (dpsi6 * tau6 + (dpsi5 * tau5 + x1));
+    }
+
+    return NCGEN_OK;
+}
 static NCGEN_NOINLINE void arm_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
@@ -2616,7 +2644,7 @@ const ncgen_model *arm_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "arm",
-        .fingerprint = "9f97f8af68b74302",
+        .fingerprint = "bdda363b2ba5de23",
         .n_coordinates = 49,
         .n_rows = 42,
         .n_parameters = 7,
@@ -2634,6 +2662,7 @@ const ncgen_model *arm_model(void)
         .mass = arm_mass,
         .force = arm_force,
         .energy = arm_energy,
+        .power = arm_power,
         .constraints = arm_constraints,
     };
     return &model;

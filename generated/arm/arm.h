@@ -50,13 +50,13 @@
  *   p[4] tau5 = 0.0 N m
  *   p[5] tau6 = 0.0 N m
  *   p[6] tau7 = 0.0 N m
- *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi4: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi5: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi6: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi7: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi4: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi5: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi6: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi7: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  *   left out: 9 fixed coordinates became constants, 7 of them zero
  */
@@ -84,6 +84,7 @@ int arm_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncg
 int arm_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 228 numbers, 0 operations */
 int arm_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 49 numbers, 0 operations */
 int arm_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 431 operations */
+int arm_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 13 operations */
 int arm_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 355 numbers, 1373 operations */
 
 #ifdef __cplusplus

@@ -1381,6 +1381,30 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 13 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # torque on psi1; torque on psi2; torque on psi3; torque on psi4; torque on psi5; torque on psi6; torque on psi7
+    dpsi1 = qd[..., 42]
+    tau1 = p[..., 0]
+    dpsi2 = qd[..., 43]
+    tau2 = p[..., 1]
+    dpsi3 = qd[..., 44]
+    tau3 = p[..., 2]
+    dpsi4 = qd[..., 45]
+    tau4 = p[..., 3]
+    x1 = dpsi4 * tau4 + (dpsi3 * tau3 + (dpsi1 * tau1 + dpsi2 * tau2))
+    dpsi5 = qd[..., 46]
+    tau5 = p[..., 4]
+    dpsi6 = qd[..., 47]
+    tau6 = p[..., 5]
+    dpsi7 = qd[..., 48]
+    tau7 = p[..., 6]
+    power[..., 0] = dpsi7 * tau7 + (dpsi6 * tau6 + (dpsi5 * tau5 + x1))
+    return power
+
+
 def constraints(t, q, qd, p):
     """355 numbers, 1373 operations."""
     t = np.asarray(t)

@@ -17,8 +17,8 @@
  *   row 14 [1003]: angle uA, uD, body DA
  *   row 15 [1010]: angle theta1, coordinate theta1
  *   row 16 [1010]: angle theta2, coordinate theta2
- *   left out: angle theta1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta2: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle theta1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta2: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  *   left out: 12 fixed coordinates became constants, 1 of them zero
  */

@@ -284,6 +284,26 @@ int cam_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
+/* power: 14 operations, 1 of them elementary functions */
+int cam_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)p;
+
+    {
+        /* motor; spring F-H */
+        const ncgen_real F_y = q[2];
+        const ncgen_real x1 = R(0.1) - F_y;
+        const ncgen_real dF_y = qd[2];
+        const ncgen_real x2 = x1 * dF_y;
+        const ncgen_real dpsi = qd[3];
+        const ncgen_real x3 = (R(1.0) - R(0.015915494309189534) * dpsi) * (R(0.3) * dpsi);
+        const ncgen_real t_ = t;
+        const ncgen_real x4 = NCGEN_PIECES(R(10.0) * t_, cam_number_6, cam_number_7, 2, 5, R(0.0));
+        power[0] = x4 * x3 - R(4.0) * (x2 * x2) / (x1 * x1);
+    }
+
+    return NCGEN_OK;
+}
 /* constraints: 46 operations, 5 of them elementary functions */
 int cam_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
@@ -370,7 +390,7 @@ const ncgen_model *cam_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "cam",
-        .fingerprint = "968b26f17f100943",
+        .fingerprint = "37439ecca7671d8c",
         .n_coordinates = 4,
         .n_rows = 3,
         .n_parameters = 0,
@@ -386,6 +406,7 @@ const ncgen_model *cam_model(void)
         .mass = cam_mass,
         .force = cam_force,
         .energy = cam_energy,
+        .power = cam_power,
         .constraints = cam_constraints,
     };
     return &model;

@@ -31,6 +31,7 @@ int cam_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncg
 int cam_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 3 numbers, 0 operations */
 int cam_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 4 numbers, 17 operations */
 int cam_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 31 operations */
+int cam_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 14 operations */
 int cam_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 13 numbers, 46 operations */
 
 #ifdef __cplusplus

@@ -286,6 +286,22 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 14 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # motor; spring F-H
+    F_y = q[..., 2]
+    x1 = 0.1 - F_y
+    dF_y = qd[..., 2]
+    x2 = x1 * dF_y
+    dpsi = qd[..., 3]
+    t_ = t
+    x3 = _pieces(10.0 * t_, _number_6, _number_7, 2, 5, 0.0) * ((1.0 - 0.015915494309189534 * dpsi) * (0.3 * dpsi))
+    power[..., 0] = x3 - 4.0 * (x2 * x2) / (x1 * x1)
+    return power
+
+
 def constraints(t, q, qd, p):
     """13 numbers, 46 operations."""
     t = np.asarray(t)

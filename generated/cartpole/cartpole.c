@@ -179,6 +179,21 @@ int cartpole_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
+/* power: 1 operations */
+int cartpole_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)t;
+    (void)q;
+
+    {
+        /* motor */
+        const ncgen_real ds = qd[4];
+        const ncgen_real F = p[0];
+        power[0] = ds * F;
+    }
+
+    return NCGEN_OK;
+}
 /* constraints: 52 operations, 2 of them elementary functions */
 int cartpole_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
@@ -290,7 +305,7 @@ const ncgen_model *cartpole_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "cartpole",
-        .fingerprint = "a3fb2d7d0ff211d9",
+        .fingerprint = "7c8b2b2b00470783",
         .n_coordinates = 6,
         .n_rows = 4,
         .n_parameters = 1,
@@ -308,6 +323,7 @@ const ncgen_model *cartpole_model(void)
         .mass = cartpole_mass,
         .force = cartpole_force,
         .energy = cartpole_energy,
+        .power = cartpole_power,
         .constraints = cartpole_constraints,
         .n_inputs = 1,
     };

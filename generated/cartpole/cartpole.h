@@ -33,6 +33,7 @@ int cartpole_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, cons
 int cartpole_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 8 numbers, 0 operations */
 int cartpole_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 6 numbers, 0 operations */
 int cartpole_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 21 operations */
+int cartpole_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 1 operations */
 int cartpole_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 19 numbers, 52 operations */
 
 #ifdef __cplusplus

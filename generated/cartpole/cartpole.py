@@ -197,6 +197,17 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 1 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # motor
+    ds = qd[..., 4]
+    F = p[..., 0]
+    power[..., 0] = ds * F
+    return power
+
+
 def constraints(t, q, qd, p):
     """19 numbers, 52 operations."""
     t = np.asarray(t)

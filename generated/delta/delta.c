@@ -1306,6 +1306,30 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
+/* power: 24 operations, 1 of them elementary functions */
+int delta_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)p;
+
+    {
+        /* motor of psi1; motor of psi2; motor of psi3 */
+        const ncgen_real t_ = t;
+        const ncgen_real x1 = NCGEN_COS(R(7.853981633974483) * t_);
+        const ncgen_real x2 = R(40.0) * x1;
+        const ncgen_real psi3 = q[29];
+        const ncgen_real dpsi3 = qd[29];
+        const ncgen_real x3 = dpsi3 * (x2 + R(80.0) - R(400.0) * psi3 - R(20.0) * dpsi3);
+        const ncgen_real psi1 = q[9];
+        const ncgen_real dpsi1 = qd[9];
+        const ncgen_real x4 = R(220.00000000000003) - R(400.0) * psi1 - R(20.0) * dpsi1;
+        const ncgen_real psi2 = q[19];
+        const ncgen_real dpsi2 = qd[19];
+        const ncgen_real x5 = dpsi2 * (R(160.0) - R(400.0) * psi2 - R(20.0) * dpsi2 - x2);
+        power[0] = x3 + (dpsi1 * (x4 - R(100.0) * x1) + x5);
+    }
+
+    return NCGEN_OK;
+}
 static NCGEN_NOINLINE void delta_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 1: 1000 distance A1-E1 (body arm1): |a|^2 - L^2 = 0 with a = A1-E1, L = 0.42 */
@@ -2688,7 +2712,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "56a6fe36a6fabede",
+        .fingerprint = "60e99286535bb43f",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,
@@ -2704,6 +2728,7 @@ const ncgen_model *delta_model(void)
         .mass = delta_mass,
         .force = delta_force,
         .energy = delta_energy,
+        .power = delta_power,
         .constraints = delta_constraints,
     };
     return &model;

@@ -64,9 +64,9 @@
  *   row 61 [1002]: angle n3, P3b-E3b, body rod3b
  *   row 62 [1002]: angle n3, E3b-E3a, user model
  *   row 63 [1002]: angle n3, P3b-P3a, user model
- *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  *   left out: 27 fixed coordinates became constants, 9 of them zero
  */
@@ -94,6 +94,7 @@ int delta_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const n
 int delta_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 99 numbers, 0 operations */
 int delta_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 60 numbers, 19 operations */
 int delta_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 260 operations */
+int delta_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 24 operations */
 int delta_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 414 numbers, 853 operations */
 
 #ifdef __cplusplus

@@ -1432,6 +1432,26 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 24 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # motor of psi1; motor of psi2; motor of psi3
+    t_ = t
+    x1 = np.cos(7.853981633974483 * t_)
+    x2 = 40.0 * x1
+    psi3 = q[..., 29]
+    dpsi3 = qd[..., 29]
+    psi1 = q[..., 9]
+    dpsi1 = qd[..., 9]
+    x3 = 220.00000000000003 - 400.0 * psi1 - 20.0 * dpsi1 - 100.0 * x1
+    psi2 = q[..., 19]
+    dpsi2 = qd[..., 19]
+    x4 = dpsi1 * x3 + dpsi2 * (160.0 - 400.0 * psi2 - 20.0 * dpsi2 - x2)
+    power[..., 0] = dpsi3 * (x2 + 80.0 - 400.0 * psi3 - 20.0 * dpsi3) + x4
+    return power
+
+
 def constraints(t, q, qd, p):
     """414 numbers, 853 operations."""
     t = np.asarray(t)

@@ -458,6 +458,30 @@ int excavator_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     return NCGEN_OK;
 }
+/* power: 25 operations, 1 of them elementary functions */
+int excavator_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)p;
+
+    {
+        /* cylinder lift; cylinder crowd; cylinder curl */
+        const ncgen_real t_ = t;
+        const ncgen_real x1 = NCGEN_COS(R(1.5707963267948966) * t_);
+        const ncgen_real lift = q[20];
+        const ncgen_real x2 = R(799220.9900950028) + R(50000.0) * x1 - R(1000000.0) * lift;
+        const ncgen_real dlift = qd[20];
+        const ncgen_real crowd = q[21];
+        const ncgen_real dcrowd = qd[21];
+        const ncgen_real x3 = R(1226498.6587791233) - R(1000000.0) * crowd - R(30000.0) * dcrowd;
+        const ncgen_real x4 = dlift * (x2 - R(80000.0) * dlift) + dcrowd * (x3 - R(60000.0) * x1);
+        const ncgen_real curl = q[22];
+        const ncgen_real dcurl = qd[22];
+        const ncgen_real x5 = R(1164987.8211535597) - R(1000000.0) * curl - R(6000.0) * dcurl;
+        power[0] = dcurl * (x5 - R(40000.0) * x1) + x4;
+    }
+
+    return NCGEN_OK;
+}
 /* constraints: 213 operations */
 int excavator_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
@@ -803,7 +827,7 @@ const ncgen_model *excavator_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "excavator",
-        .fingerprint = "d916d3a894b814e9",
+        .fingerprint = "a2521be6709f759e",
         .n_coordinates = 23,
         .n_rows = 20,
         .n_parameters = 0,
@@ -819,6 +843,7 @@ const ncgen_model *excavator_model(void)
         .mass = excavator_mass,
         .force = excavator_force,
         .energy = excavator_energy,
+        .power = excavator_power,
         .constraints = excavator_constraints,
     };
     return &model;

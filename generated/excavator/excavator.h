@@ -48,6 +48,7 @@ int excavator_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, con
 int excavator_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 22 numbers, 0 operations */
 int excavator_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 23 numbers, 20 operations */
 int excavator_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 97 operations */
+int excavator_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 25 operations */
 int excavator_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 123 numbers, 213 operations */
 
 #ifdef __cplusplus

@@ -517,6 +517,26 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 25 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # cylinder lift; cylinder crowd; cylinder curl
+    t_ = t
+    x1 = np.cos(1.5707963267948966 * t_)
+    lift = q[..., 20]
+    dlift = qd[..., 20]
+    x2 = 799220.9900950028 + 50000.0 * x1 - 1000000.0 * lift - 80000.0 * dlift
+    crowd = q[..., 21]
+    dcrowd = qd[..., 21]
+    x3 = 1226498.6587791233 - 1000000.0 * crowd - 30000.0 * dcrowd
+    curl = q[..., 22]
+    dcurl = qd[..., 22]
+    x4 = 1164987.8211535597 - 1000000.0 * curl - 6000.0 * dcurl - 40000.0 * x1
+    power[..., 0] = dcurl * x4 + (dlift * x2 + dcrowd * (x3 - 60000.0 * x1))
+    return power
+
+
 def constraints(t, q, qd, p):
     """123 numbers, 213 operations."""
     t = np.asarray(t)

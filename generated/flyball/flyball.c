@@ -886,6 +886,52 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
+/* power: 40 operations */
+int flyball_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* spring K1-M1; spring K2-M2 */
+        const ncgen_real M1_x = q[15];
+        const ncgen_real K1_x = q[9];
+        const ncgen_real x1 = M1_x - K1_x;
+        const ncgen_real dM1_x = qd[15];
+        const ncgen_real dK1_x = qd[9];
+        const ncgen_real M1_y = q[16];
+        const ncgen_real K1_y = q[10];
+        const ncgen_real x2 = M1_y - K1_y;
+        const ncgen_real dM1_y = qd[16];
+        const ncgen_real dK1_y = qd[10];
+        const ncgen_real M1_z = q[17];
+        const ncgen_real K1_z = q[11];
+        const ncgen_real x3 = M1_z - K1_z;
+        const ncgen_real dM1_z = qd[17];
+        const ncgen_real dK1_z = qd[11];
+        const ncgen_real x4 = x1 * (dM1_x - dK1_x) + x2 * (dM1_y - dK1_y) + x3 * (dM1_z - dK1_z);
+        const ncgen_real M2_x = q[28];
+        const ncgen_real K2_x = q[22];
+        const ncgen_real x5 = M2_x - K2_x;
+        const ncgen_real dM2_x = qd[28];
+        const ncgen_real dK2_x = qd[22];
+        const ncgen_real M2_y = q[29];
+        const ncgen_real K2_y = q[23];
+        const ncgen_real x6 = M2_y - K2_y;
+        const ncgen_real dM2_y = qd[29];
+        const ncgen_real dK2_y = qd[23];
+        const ncgen_real M2_z = q[30];
+        const ncgen_real K2_z = q[24];
+        const ncgen_real x7 = M2_z - K2_z;
+        const ncgen_real dM2_z = qd[30];
+        const ncgen_real dK2_z = qd[24];
+        const ncgen_real x8 = x5 * (dM2_x - dK2_x) + x6 * (dM2_y - dK2_y) + x7 * (dM2_z - dK2_z);
+        const ncgen_real x9 = R(40000.0) * (x4 * x4) / (x1 * x1 + x2 * x2 + x3 * x3) + R(40000.0) * (x8 * x8) / (x5 * x5 + x6 * x6 + x7 * x7);
+        power[0] = -x9;
+    }
+
+    return NCGEN_OK;
+}
 /* constraints: 308 operations, 6 of them elementary functions */
 int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
@@ -1297,7 +1343,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "d63e66c89741d251",
+        .fingerprint = "e61f821fdee03417",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,
@@ -1313,6 +1359,7 @@ const ncgen_model *flyball_model(void)
         .mass = flyball_mass,
         .force = flyball_force,
         .energy = flyball_energy,
+        .power = flyball_power,
         .constraints = flyball_constraints,
     };
     return &model;

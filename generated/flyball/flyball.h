@@ -29,8 +29,8 @@
  *   row 26: combination M2.y, body rod2
  *   row 27: combination M2.z, body rod2
  *   row 28 [1014]: angle alpha2, coordinate alpha2
- *   left out: angle alpha1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle alpha2: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle alpha1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle alpha2: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  *   left out: 16 fixed coordinates became constants, 13 of them zero
  */
@@ -58,6 +58,7 @@ int flyball_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const
 int flyball_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 100 numbers, 78 operations */
 int flyball_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 32 numbers, 123 operations */
 int flyball_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 182 operations */
+int flyball_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 40 operations */
 int flyball_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 153 numbers, 308 operations */
 
 #ifdef __cplusplus

@@ -949,6 +949,48 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 40 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # spring K1-M1; spring K2-M2
+    M1_x = q[..., 15]
+    K1_x = q[..., 9]
+    x1 = M1_x - K1_x
+    dM1_x = qd[..., 15]
+    dK1_x = qd[..., 9]
+    M1_y = q[..., 16]
+    K1_y = q[..., 10]
+    x2 = M1_y - K1_y
+    dM1_y = qd[..., 16]
+    dK1_y = qd[..., 10]
+    M1_z = q[..., 17]
+    K1_z = q[..., 11]
+    x3 = M1_z - K1_z
+    dM1_z = qd[..., 17]
+    dK1_z = qd[..., 11]
+    x4 = x1 * (dM1_x - dK1_x) + x2 * (dM1_y - dK1_y) + x3 * (dM1_z - dK1_z)
+    M2_x = q[..., 28]
+    K2_x = q[..., 22]
+    x5 = M2_x - K2_x
+    dM2_x = qd[..., 28]
+    dK2_x = qd[..., 22]
+    M2_y = q[..., 29]
+    K2_y = q[..., 23]
+    x6 = M2_y - K2_y
+    dM2_y = qd[..., 29]
+    dK2_y = qd[..., 23]
+    M2_z = q[..., 30]
+    K2_z = q[..., 24]
+    x7 = M2_z - K2_z
+    dM2_z = qd[..., 30]
+    dK2_z = qd[..., 24]
+    x8 = x5 * (dM2_x - dK2_x) + x6 * (dM2_y - dK2_y) + x7 * (dM2_z - dK2_z)
+    x9 = 40000.0 * (x4 * x4) / (x1 * x1 + x2 * x2 + x3 * x3) + 40000.0 * (x8 * x8) / (x5 * x5 + x6 * x6 + x7 * x7)
+    power[..., 0] = -x9
+    return power
+
+
 def constraints(t, q, qd, p):
     """153 numbers, 308 operations."""
     t = np.asarray(t)

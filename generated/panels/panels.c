@@ -535,6 +535,25 @@ int panels_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
+/* power: 9 operations */
+int panels_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)t;
+    (void)q;
+    (void)p;
+
+    {
+        /* spring of psi0; spring of psi1; spring of psi2; spring of psi3 */
+        const ncgen_real dpsi0 = qd[20];
+        const ncgen_real dpsi1 = qd[21];
+        const ncgen_real dpsi2 = qd[22];
+        const ncgen_real dpsi3 = qd[23];
+        const ncgen_real x1 = dpsi3 * dpsi3 + (dpsi2 * dpsi2 + (dpsi0 * dpsi0 + dpsi1 * dpsi1));
+        power[0] = -(R(4.0) * x1);
+    }
+
+    return NCGEN_OK;
+}
 /* constraints: 408 operations, 8 of them elementary functions */
 int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
@@ -918,7 +937,7 @@ const ncgen_model *panels_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "panels",
-        .fingerprint = "e885c94bfdf1f723",
+        .fingerprint = "d6c990f0420a2d74",
         .n_coordinates = 24,
         .n_rows = 20,
         .n_parameters = 0,
@@ -934,6 +953,7 @@ const ncgen_model *panels_model(void)
         .mass = panels_mass,
         .force = panels_force,
         .energy = panels_energy,
+        .power = panels_power,
         .constraints = panels_constraints,
     };
     return &model;

@@ -48,6 +48,7 @@ int panels_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const 
 int panels_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 32 numbers, 0 operations */
 int panels_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 24 numbers, 16 operations */
 int panels_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 100 operations */
+int panels_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 9 operations */
 int panels_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 130 numbers, 408 operations */
 
 #ifdef __cplusplus

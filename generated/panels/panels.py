@@ -588,6 +588,20 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 9 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # spring of psi0; spring of psi1; spring of psi2; spring of psi3
+    dpsi0 = qd[..., 20]
+    dpsi1 = qd[..., 21]
+    dpsi2 = qd[..., 22]
+    dpsi3 = qd[..., 23]
+    x1 = dpsi3 * dpsi3 + (dpsi2 * dpsi2 + (dpsi0 * dpsi0 + dpsi1 * dpsi1))
+    power[..., 0] = -(4.0 * x1)
+    return power
+
+
 def constraints(t, q, qd, p):
     """130 numbers, 408 operations."""
     t = np.asarray(t)

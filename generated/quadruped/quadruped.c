@@ -2846,6 +2846,87 @@ int quadruped_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     return NCGEN_OK;
 }
+/* power: 152 operations, 14 of them elementary functions */
+int quadruped_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)p;
+
+    {
+        /* motor of alpha1; motor of theta1a; motor of theta1b; ground; motor of alpha2; motor of theta2a; motor of theta2b; motor of alpha3; motor of theta3a; motor of theta3b; motor of alpha4; motor of theta4a; motor of theta4b */
+        const ncgen_real t_ = t;
+        const ncgen_real x1 = NCGEN_SIN(R(12.566370614359172) * t_);
+        const ncgen_real x2 = R(9.16297857297023) * NCGEN_SQRT(R(0.01) + x1 * x1);
+        const ncgen_real x3 = x2 + R(72.38753072646482);
+        const ncgen_real dtheta1b = qd[38];
+        const ncgen_real theta1b = q[38];
+        const ncgen_real x4 = R(9.16297857297023) * x1;
+        const ncgen_real x5 = dtheta1b * (x3 - R(0.4) * dtheta1b - R(30.0) * theta1b - x4);
+        const ncgen_real x6 = R(47.12388980384689) + x4 - R(25.26364092261792);
+        const ncgen_real dtheta1a = qd[34];
+        const ncgen_real theta1a = q[34];
+        const ncgen_real x7 = dtheta1a * (x6 - R(0.4) * dtheta1a - R(30.0) * theta1a - x2);
+        const ncgen_real alpha1 = q[30];
+        const ncgen_real dalpha1 = qd[30];
+        const ncgen_real x8 = x5 + (x7 - dalpha1 * (R(30.0) * alpha1 + R(0.4) * dalpha1));
+        const ncgen_real F2_z = q[44];
+        const ncgen_real dF2_z = qd[44];
+        const ncgen_real x9 = NCGEN_EXP(-(R(250.0) * F2_z + R(2.5) * dF2_z));
+        const ncgen_real F1_z = q[29];
+        const ncgen_real dF1_z = qd[29];
+        const ncgen_real x10 = NCGEN_EXP(-(R(250.0) * F1_z + R(2.5) * dF1_z));
+        const ncgen_real F3_z = q[59];
+        const ncgen_real dF3_z = qd[59];
+        const ncgen_real x11 = NCGEN_EXP(-(R(250.0) * F3_z + R(2.5) * dF3_z));
+        const ncgen_real F4_z = q[74];
+        const ncgen_real dF4_z = qd[74];
+        const ncgen_real x12 = NCGEN_EXP(-(R(250.0) * F4_z + R(2.5) * dF4_z));
+        const ncgen_real x13 = R(16.8732) * (dF4_z * x12 + (dF3_z * x11 + (dF2_z * x9 + dF1_z * x10)));
+        const ncgen_real dF2_x = qd[42];
+        const ncgen_real dF2_y = qd[43];
+        const ncgen_real x14 = dF2_x * NCGEN_TANH(R(10.0) * dF2_x) + dF2_y * NCGEN_TANH(R(10.0) * dF2_y);
+        const ncgen_real dF1_x = qd[27];
+        const ncgen_real dF1_y = qd[28];
+        const ncgen_real x15 = dF1_x * NCGEN_TANH(R(10.0) * dF1_x) + dF1_y * NCGEN_TANH(R(10.0) * dF1_y);
+        const ncgen_real dF3_x = qd[57];
+        const ncgen_real dF3_y = qd[58];
+        const ncgen_real x16 = dF3_x * NCGEN_TANH(R(10.0) * dF3_x) + dF3_y * NCGEN_TANH(R(10.0) * dF3_y);
+        const ncgen_real dF4_x = qd[72];
+        const ncgen_real dF4_y = qd[73];
+        const ncgen_real x17 = dF4_x * NCGEN_TANH(R(10.0) * dF4_x) + dF4_y * NCGEN_TANH(R(10.0) * dF4_y);
+        const ncgen_real x18 = R(13.498560000000001) * (x12 * x17 + (x11 * x16 + (x9 * x14 + x10 * x15)));
+        const ncgen_real alpha2 = q[45];
+        const ncgen_real dalpha2 = qd[45];
+        const ncgen_real x19 = x13 - x18 + x8 - dalpha2 * (R(30.0) * alpha2 + R(0.4) * dalpha2);
+        const ncgen_real dtheta2a = qd[49];
+        const ncgen_real theta2a = q[49];
+        const ncgen_real x20 = R(21.860248881228973) - R(0.4) * dtheta2a - R(30.0) * theta2a;
+        const ncgen_real x21 = x4 + x3;
+        const ncgen_real dtheta2b = qd[53];
+        const ncgen_real theta2b = q[53];
+        const ncgen_real x22 = dtheta2b * (x21 - R(0.4) * dtheta2b - R(30.0) * theta2b) + (dtheta2a * (x20 - x2 - x4) + x19);
+        const ncgen_real alpha3 = q[60];
+        const ncgen_real dalpha3 = qd[60];
+        const ncgen_real dtheta3a = qd[64];
+        const ncgen_real theta3a = q[64];
+        const ncgen_real x23 = dtheta3a * (x6 - R(0.4) * dtheta3a - R(30.0) * theta3a - x2);
+        const ncgen_real x24 = x23 + (x22 - dalpha3 * (R(30.0) * alpha3 + R(0.4) * dalpha3));
+        const ncgen_real dtheta3b = qd[68];
+        const ncgen_real theta3b = q[68];
+        const ncgen_real x25 = dtheta3b * (x3 - R(0.4) * dtheta3b - R(30.0) * theta3b - x4);
+        const ncgen_real alpha4 = q[75];
+        const ncgen_real dalpha4 = qd[75];
+        const ncgen_real x26 = x25 + x24 - dalpha4 * (R(30.0) * alpha4 + R(0.4) * dalpha4);
+        const ncgen_real dtheta4a = qd[79];
+        const ncgen_real theta4a = q[79];
+        const ncgen_real x27 = R(21.860248881228973) - R(0.4) * dtheta4a - R(30.0) * theta4a;
+        const ncgen_real dtheta4b = qd[83];
+        const ncgen_real theta4b = q[83];
+        const ncgen_real x28 = dtheta4b * (x21 - R(0.4) * dtheta4b - R(30.0) * theta4b) + (dtheta4a * (x27 - x2 - x4) + x26);
+        power[0] = x28;
+    }
+
+    return NCGEN_OK;
+}
 static NCGEN_NOINLINE void quadruped_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 1: 1001 unit ahead (body trunk): |u|^2 - 1 = 0 with u = ahead */
@@ -4605,7 +4686,7 @@ const ncgen_model *quadruped_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "quadruped",
-        .fingerprint = "e874f56b4948d619",
+        .fingerprint = "fb1fd85e40899ccf",
         .n_coordinates = 84,
         .n_rows = 70,
         .n_parameters = 0,
@@ -4621,6 +4702,7 @@ const ncgen_model *quadruped_model(void)
         .mass = quadruped_mass,
         .force = quadruped_force,
         .energy = quadruped_energy,
+        .power = quadruped_power,
         .constraints = quadruped_constraints,
     };
     return &model;

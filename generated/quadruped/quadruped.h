@@ -71,18 +71,18 @@
  *   row 68 [1000]: distance K4b-F4, body lower4b
  *   row 69 [1002]: angle u4, F4-K4b, body lower4b
  *   row 70 [1014]: angle theta4b, coordinate theta4b
- *   left out: angle alpha1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta1a: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta1b: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle alpha2: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta2a: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta2b: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle alpha3: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta3a: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta3b: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle alpha4: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta4a: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle theta4b: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle alpha1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta1a: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta1b: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle alpha2: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta2a: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta2b: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle alpha3: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta3a: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta3b: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle alpha4: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta4a: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle theta4b: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  */
 #ifndef QUADRUPED_H
@@ -109,6 +109,7 @@ int quadruped_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, con
 int quadruped_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 855 numbers, 2674 operations */
 int quadruped_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 84 numbers, 1096 operations */
 int quadruped_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 1241 operations */
+int quadruped_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 152 operations */
 int quadruped_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 635 numbers, 3094 operations */
 
 #ifdef __cplusplus

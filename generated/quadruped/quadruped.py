@@ -2693,6 +2693,81 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 152 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # motor of alpha1; motor of theta1a; motor of theta1b; ground; motor of alpha2; motor of theta2a; motor of theta2b; motor of alpha3; motor of theta3a; motor of theta3b; motor of alpha4; motor of theta4a; motor of theta4b
+    t_ = t
+    x1 = np.sin(12.566370614359172 * t_)
+    x2 = 9.16297857297023 * np.sqrt(0.01 + x1 * x1)
+    x3 = x2 + 72.38753072646482
+    dtheta1b = qd[..., 38]
+    theta1b = q[..., 38]
+    x4 = 9.16297857297023 * x1
+    x5 = 47.12388980384689 + x4 - 25.26364092261792
+    dtheta1a = qd[..., 34]
+    theta1a = q[..., 34]
+    alpha1 = q[..., 30]
+    dalpha1 = qd[..., 30]
+    x6 = dtheta1a * (x5 - 0.4 * dtheta1a - 30.0 * theta1a - x2) - dalpha1 * (30.0 * alpha1 + 0.4 * dalpha1)
+    x7 = dtheta1b * (x3 - 0.4 * dtheta1b - 30.0 * theta1b - x4) + x6
+    F2_z = q[..., 44]
+    dF2_z = qd[..., 44]
+    x8 = np.exp(-(250.0 * F2_z + 2.5 * dF2_z))
+    F1_z = q[..., 29]
+    dF1_z = qd[..., 29]
+    x9 = np.exp(-(250.0 * F1_z + 2.5 * dF1_z))
+    F3_z = q[..., 59]
+    dF3_z = qd[..., 59]
+    x10 = np.exp(-(250.0 * F3_z + 2.5 * dF3_z))
+    F4_z = q[..., 74]
+    dF4_z = qd[..., 74]
+    x11 = np.exp(-(250.0 * F4_z + 2.5 * dF4_z))
+    x12 = 16.8732 * (dF4_z * x11 + (dF3_z * x10 + (dF2_z * x8 + dF1_z * x9)))
+    dF2_x = qd[..., 42]
+    dF2_y = qd[..., 43]
+    x13 = dF2_x * np.tanh(10.0 * dF2_x) + dF2_y * np.tanh(10.0 * dF2_y)
+    dF1_x = qd[..., 27]
+    dF1_y = qd[..., 28]
+    x14 = dF1_x * np.tanh(10.0 * dF1_x) + dF1_y * np.tanh(10.0 * dF1_y)
+    dF3_x = qd[..., 57]
+    dF3_y = qd[..., 58]
+    x15 = dF3_x * np.tanh(10.0 * dF3_x) + dF3_y * np.tanh(10.0 * dF3_y)
+    dF4_x = qd[..., 72]
+    dF4_y = qd[..., 73]
+    x16 = dF4_x * np.tanh(10.0 * dF4_x) + dF4_y * np.tanh(10.0 * dF4_y)
+    x17 = 13.498560000000001 * (x11 * x16 + (x10 * x15 + (x8 * x13 + x9 * x14)))
+    alpha2 = q[..., 45]
+    dalpha2 = qd[..., 45]
+    x18 = x12 - x17 + x7 - dalpha2 * (30.0 * alpha2 + 0.4 * dalpha2)
+    dtheta2a = qd[..., 49]
+    theta2a = q[..., 49]
+    x19 = 21.860248881228973 - 0.4 * dtheta2a - 30.0 * theta2a - x2
+    x20 = x4 + x3
+    dtheta2b = qd[..., 53]
+    theta2b = q[..., 53]
+    x21 = dtheta2b * (x20 - 0.4 * dtheta2b - 30.0 * theta2b) + (dtheta2a * (x19 - x4) + x18)
+    alpha3 = q[..., 60]
+    dalpha3 = qd[..., 60]
+    dtheta3a = qd[..., 64]
+    theta3a = q[..., 64]
+    x22 = dtheta3a * (x5 - 0.4 * dtheta3a - 30.0 * theta3a - x2) + (x21 - dalpha3 * (30.0 * alpha3 + 0.4 * dalpha3))
+    dtheta3b = qd[..., 68]
+    theta3b = q[..., 68]
+    x23 = dtheta3b * (x3 - 0.4 * dtheta3b - 30.0 * theta3b - x4) + x22
+    alpha4 = q[..., 75]
+    dalpha4 = qd[..., 75]
+    dtheta4a = qd[..., 79]
+    theta4a = q[..., 79]
+    x24 = 21.860248881228973 - 0.4 * dtheta4a - 30.0 * theta4a - x2
+    x25 = dtheta4a * (x24 - x4) + (x23 - dalpha4 * (30.0 * alpha4 + 0.4 * dalpha4))
+    dtheta4b = qd[..., 83]
+    theta4b = q[..., 83]
+    power[..., 0] = dtheta4b * (x20 - 0.4 * dtheta4b - 30.0 * theta4b) + x25
+    return power
+
+
 def constraints(t, q, qd, p):
     """635 numbers, 3094 operations."""
     t = np.asarray(t)

@@ -32,12 +32,12 @@
  *   row 29 [1013]: angle psi4, coordinate psi4
  *   row 30 [1010]: angle psi5, coordinate psi5
  *   row 31 [1013]: angle psi6, coordinate psi6
- *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi4: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi5: projection terms, both sides are perpendicular to the axis by other rows
- *   left out: angle psi6: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle psi1: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi2: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi3: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi4: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi5: projection terms, both sides are perpendicular to the axis by other constraints
+ *   left out: angle psi6: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  *   left out: 9 fixed coordinates became constants, 7 of them zero
  */

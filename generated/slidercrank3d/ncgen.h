@@ -103,6 +103,7 @@ typedef struct ncgen_model {
     ncgen_velocity_kernel *energy; /* 3: kinetic and potential energy (J), power of other forces (W) */
     ncgen_velocity_kernel *constraints; /* phi, then the values of phi_q, then gamma: quicker than one by one */
     int n_inputs; /* the last of p: forces that change with time as the caller sets them */
+    ncgen_velocity_kernel *power; /* 1: the power in energy, alone; NULL: ask energy */
 } ncgen_model;
 
 /* Kernels that take accelerations qdd, and multipliers lam of the rows, too. */

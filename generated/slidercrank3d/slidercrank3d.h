@@ -8,7 +8,7 @@
  *   row 5 [1002]: angle h, C-B, body rod
  *   row 6 [1003]: angle X, h, joint universal slider-rod
  *   row 7 [1014]: angle psi, coordinate psi
- *   left out: angle psi: projection terms, both sides are perpendicular to the axis by other rows
+ *   left out: angle psi: projection terms, both sides are perpendicular to the axis by other constraints
  *   left out: kernel nu: nothing in this mechanism contributes to it
  *   left out: 14 fixed coordinates became constants, 10 of them zero
  */

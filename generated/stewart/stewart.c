@@ -529,6 +529,27 @@ int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
+/* power: 13 operations */
+int stewart_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)t;
+    (void)q;
+    (void)p;
+
+    {
+        /* spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6 */
+        const ncgen_real ds1 = qd[21];
+        const ncgen_real ds2 = qd[22];
+        const ncgen_real ds3 = qd[23];
+        const ncgen_real ds4 = qd[24];
+        const ncgen_real ds5 = qd[25];
+        const ncgen_real x1 = ds5 * ds5 + (ds4 * ds4 + (ds3 * ds3 + (ds1 * ds1 + ds2 * ds2)));
+        const ncgen_real ds6 = qd[26];
+        power[0] = -(R(4000.0) * (ds6 * ds6 + x1));
+    }
+
+    return NCGEN_OK;
+}
 /* constraints: 315 operations */
 int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
@@ -926,7 +947,7 @@ const ncgen_model *stewart_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "stewart",
-        .fingerprint = "adebde5139c6c032",
+        .fingerprint = "05d60ccd942b9cd0",
         .n_coordinates = 27,
         .n_rows = 21,
         .n_parameters = 0,
@@ -942,6 +963,7 @@ const ncgen_model *stewart_model(void)
         .mass = stewart_mass,
         .force = stewart_force,
         .energy = stewart_energy,
+        .power = stewart_power,
         .constraints = stewart_constraints,
     };
     return &model;

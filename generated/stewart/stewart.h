@@ -49,6 +49,7 @@ int stewart_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const
 int stewart_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 27 numbers, 0 operations */
 int stewart_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 27 numbers, 30 operations */
 int stewart_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 78 operations */
+int stewart_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 13 operations */
 int stewart_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 141 numbers, 315 operations */
 
 #ifdef __cplusplus

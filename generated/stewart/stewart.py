@@ -583,6 +583,22 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 13 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6
+    ds1 = qd[..., 21]
+    ds2 = qd[..., 22]
+    ds3 = qd[..., 23]
+    ds4 = qd[..., 24]
+    ds5 = qd[..., 25]
+    x1 = ds5 * ds5 + (ds4 * ds4 + (ds3 * ds3 + (ds1 * ds1 + ds2 * ds2)))
+    ds6 = qd[..., 26]
+    power[..., 0] = -(4000.0 * (ds6 * ds6 + x1))
+    return power
+
+
 def constraints(t, q, qd, p):
     """141 numbers, 315 operations."""
     t = np.asarray(t)

@@ -561,6 +561,38 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     return NCGEN_OK;
 }
+/* power: 34 operations, 1 of them elementary functions */
+int suspension_power(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT power)
+{
+    (void)p;
+
+    {
+        /* tyre; rack; spring D-S */
+        const ncgen_real t_ = t;
+        const ncgen_real x1 = NCGEN_SIN(R(12.566370614359172) * t_);
+        const ncgen_real x2 = x1 * x1;
+        const ncgen_real R_y = q[15];
+        const ncgen_real dR_y = qd[15];
+        const ncgen_real x3 = R(95800.0) + R(8000.0) * (x1 * x2) - R(200000.0) * R_y - R(2000.0) * dR_y;
+        const ncgen_real W_z = q[14];
+        const ncgen_real dW_z = qd[14];
+        const ncgen_real x4 = dW_z * (R(1175.0) + R(10000.0) * x2 - R(200000.0) * W_z) + dR_y * x3;
+        const ncgen_real S_x = q[6];
+        const ncgen_real x5 = S_x + R(0.088);
+        const ncgen_real dS_x = qd[6];
+        const ncgen_real S_y = q[7];
+        const ncgen_real x6 = S_y - R(0.599);
+        const ncgen_real dS_y = qd[7];
+        const ncgen_real S_z = q[8];
+        const ncgen_real x7 = S_z - R(0.393);
+        const ncgen_real dS_z = qd[8];
+        const ncgen_real x8 = x5 * dS_x + x6 * dS_y + x7 * dS_z;
+        const ncgen_real x9 = x4 - R(22459.0) * (x8 * x8) / (x5 * x5 + x6 * x6 + x7 * x7);
+        power[0] = x9;
+    }
+
+    return NCGEN_OK;
+}
 /* constraints: 344 operations */
 int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
@@ -929,7 +961,7 @@ const ncgen_model *suspension_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "suspension",
-        .fingerprint = "8256a8e5b2c9aedc",
+        .fingerprint = "13e7588f6a707169",
         .n_coordinates = 19,
         .n_rows = 17,
         .n_parameters = 0,
@@ -945,6 +977,7 @@ const ncgen_model *suspension_model(void)
         .mass = suspension_mass,
         .force = suspension_force,
         .energy = suspension_energy,
+        .power = suspension_power,
         .constraints = suspension_constraints,
     };
     return &model;

@@ -45,6 +45,7 @@ int suspension_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, co
 int suspension_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 64 numbers, 0 operations */
 int suspension_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 19 numbers, 60 operations */
 int suspension_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 198 operations */
+int suspension_power(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *power); /* 1 numbers, 34 operations */
 int suspension_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 113 numbers, 344 operations */
 
 #ifdef __cplusplus

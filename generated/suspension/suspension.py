@@ -598,6 +598,34 @@ def energy(t, q, qd, p):
     return energy
 
 
+def power(t, q, qd, p):
+    """1 numbers, 34 operations."""
+    t = np.asarray(t)
+    power = _output(1, t, q, qd, p)
+    # tyre; rack; spring D-S
+    t_ = t
+    x1 = np.sin(12.566370614359172 * t_)
+    x2 = x1 * x1
+    R_y = q[..., 15]
+    dR_y = qd[..., 15]
+    x3 = 95800.0 + 8000.0 * (x1 * x2) - 200000.0 * R_y - 2000.0 * dR_y
+    W_z = q[..., 14]
+    dW_z = qd[..., 14]
+    x4 = dW_z * (1175.0 + 10000.0 * x2 - 200000.0 * W_z) + dR_y * x3
+    S_x = q[..., 6]
+    x5 = S_x + 0.088
+    dS_x = qd[..., 6]
+    S_y = q[..., 7]
+    x6 = S_y - 0.599
+    dS_y = qd[..., 7]
+    S_z = q[..., 8]
+    x7 = S_z - 0.393
+    dS_z = qd[..., 8]
+    x8 = x5 * dS_x + x6 * dS_y + x7 * dS_z
+    power[..., 0] = x4 - 22459.0 * (x8 * x8) / (x5 * x5 + x6 * x6 + x7 * x7)
+    return power
+
+
 def constraints(t, q, qd, p):
     """113 numbers, 344 operations."""
     t = np.asarray(t)

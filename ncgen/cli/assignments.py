@@ -19,15 +19,15 @@ def assigned(option: str, typed: str | list[str] | None, word: str = "") -> dict
         name, _, value = text.rpartition("=")
         number, comma, behind = value.partition(",") if word else (value, "", "")
         try:
-            given = float(number)
+            parsed = float(number)
         except ValueError:
-            name, given = "", 0.0
+            name, parsed = "", 0.0
         if not name:
             also = f" or psi1=2.5,{word}" if word else ""
             raise ModelError(f"{option} {shortened(text)}: write it as name=number, for example psi1=2.5{also}")
         if name in values:
             raise ModelError(f"{option} {shortened(text)}: {name} is given twice; give it once")
-        values[name] = (given, behind) if comma else given
+        values[name] = (parsed, behind) if comma else parsed
     return values or None
 
 
@@ -39,7 +39,7 @@ def with_model_parameters(model: Model, typed: dict[str, float] | None) -> dict[
     from ncgen.solver.given import parameters
     from ncgen.solver.runs.run import outline
 
-    own: Any = model.simulation_options.get("p")
-    if not typed or own is None:
+    defaults: Any = model.simulation_options.get("p")
+    if not typed or defaults is None:
         return typed
-    return dict(zip(model.numbers, parameters(outline(model), own).tolist())) | typed
+    return dict(zip(model.numbers, parameters(outline(model), defaults).tolist())) | typed

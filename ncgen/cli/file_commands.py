@@ -37,7 +37,8 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="a model fil
     if model is None or problems:
         raise ModelError(f"{file.name}: {counted(len(problems), 'problem')}")
     sources_of(model)
-    counts = [counted(len(items), what) for items, what in ((model.components, "coordinate"), (model.rows, "row"), (model.bodies, "body"))]
+    contents = ((model.components, "coordinate"), (model.rows, "constraint"), (model.bodies, "body"))
+    counts = [counted(len(items), noun) for items, noun in contents]
     out.print(f"{file.name}: {', '.join(counts)}", markup=False)
 
 

@@ -120,7 +120,7 @@ def _precision(model: Model, html: Path | None, plot: Path | None, json_output: 
     with progress(f"simulating {model.name}", None):
         chosen["p"] = with_model_parameters(model, chosen["p"])
         records = precision.precision_records(model, **chosen)
-    doubt = f"the reference is known to {records[0]['doubt']:.1e}: by so much two methods at tight tolerance differ"
+    doubt = f"the reference is known to {records[0]['reference_error']:.1e}: by so much two methods at tight tolerance differ"
     rows, front = precision.table(records), precision.front(records)
     if json_output:
         print(json.dumps({"machine": machine(), "records": records}, indent=1))

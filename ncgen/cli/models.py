@@ -48,7 +48,9 @@ def list_examples(json_output: Json = False) -> None:
         print(json.dumps(records, indent=1))
         return
     for r in records:
-        out.print(f"{r['name']:<15}{r['dof']:>3} dof {r['rows']:>4} rows ({r['redundant']} redundant)  {r['teaches']}", markup=False)
+        out.print(
+            f"{r['name']:<15}{r['dof']:>3} dof {r['constraints']:>4} constraints ({r['redundant']} redundant)  {r['teaches']}", markup=False
+        )
 
 
 @for_robots
@@ -175,17 +177,17 @@ def run(
     json_output: Json = False,
 ) -> None:
     """Generate, compile, check, simulate and draw a model."""
-    from ncgen.mechanism.runtime_library import compiling_thread, part_for
-    from ncgen.methods.table import AUTO
+    from ncgen.mechanism.runtime_library import compiling_thread
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.run_report import run_record, write_outputs
     from ncgen.report.screen import show_inspection, show_run
     from ncgen.report.timing import kernel_times
+    from ncgen.solver.engines.acceleration_forms import expected_component
     from ncgen.solver.motions.simulate import simulate_one
     from ncgen.solver.positions.rank import freedom
     from ncgen.solver.runs.simulation_options import check_simulation, simulation_of
 
-    given: dict[str, Any] = dict(
+    arguments: dict[str, Any] = dict(
         duration=duration, p=assigned("--param", param), zd0=assigned("--velocity", velocity), stop=assigned("--stop", stop, "rising"),
         formalism=formalism, integrator=integrator, engine=engine, number=number, rtol=rtol, atol=atol, max_step=max_step, points=points,
     )  # fmt: skip
@@ -193,10 +195,10 @@ def run(
     compiling: list[Thread] = []
 
     def check(loaded: Model) -> None:
-        given["p"] = with_model_parameters(loaded, given["p"])
-        check_simulation(loaded, **given)
+        arguments["p"] = with_model_parameters(loaded, arguments["p"])
+        checked = check_simulation(loaded, **arguments)
         if backend != "numpy" and engine != "python":
-            compiling.append(compiling_thread(part=part_for(simulation_of(loaded, **given).get("integrator", AUTO))))
+            compiling.append(compiling_thread(component=expected_component(loaded, checked)))
             compiling[0].start()
 
     kernels, sources, seconds = _compiled(model, robot, backend, emission, check, lists_left_out=not json_output)
@@ -206,7 +208,7 @@ def run(
             compiling[0].join()  # a compiler that still runs would disturb the times
     if not json_output:
         show_inspection(out, facts_of(kernels, mobility), seconds, kernel_times(kernels))
-    options = simulation_of(kernels.model, **given)
+    options = simulation_of(kernels.model, **arguments)
     with progress(f"simulating {options['duration']} s", options["duration"]) as advance:
         try:
             trajectory = simulate_one(kernels, progress=lambda t: advance(t - options.get("t0", 0.0)), **options)

@@ -89,11 +89,11 @@ def for_robots(command: Callable[..., None]) -> Callable[..., None]:
     signature, more = inspect.signature(command, eval_str=True), inspect.signature(options, eval_str=True).parameters
 
     @wraps(command)
-    def with_options(**given: Any) -> None:
-        return command(robot=options(**{name: given.pop(name) for name in more}), **given)
+    def with_options(**arguments: Any) -> None:
+        return command(robot=options(**{name: arguments.pop(name) for name in more}), **arguments)
 
-    own = [each for name, each in signature.parameters.items() if name != "robot"]
-    vars(with_options)["__signature__"] = signature.replace(parameters=[*own, *more.values()])
-    with_options.__annotations__ = {each.name: each.annotation for each in (*own, *more.values())}
+    parameters = [each for name, each in signature.parameters.items() if name != "robot"]
+    vars(with_options)["__signature__"] = signature.replace(parameters=[*parameters, *more.values()])
+    with_options.__annotations__ = {each.name: each.annotation for each in (*parameters, *more.values())}
     del with_options.__wrapped__
     return with_options

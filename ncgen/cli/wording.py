@@ -66,6 +66,6 @@ def _typed(message: str, options: Mapping[str, Any]) -> Iterator[tuple[str, str]
 def _meant(message: str, typed: Any) -> str:
     """That of several values, `phi=12` or a name, which the message mentions first; all of them where it mentions none."""
     values = [typed] if isinstance(typed, str) else typed
-    places = {value: re.search(rf"(?<![\w.]){re.escape(value.rpartition('=')[0] or value)}(?!\w)", message) for value in values}
-    mentioned = [(place.start(), value) for value, place in places.items() if place]
+    matches = {value: re.search(rf"(?<![\w.]){re.escape(value.rpartition('=')[0] or value)}(?!\w)", message) for value in values}
+    mentioned = [(match.start(), value) for value, match in matches.items() if match]
     return min(mentioned)[1] if mentioned else ", ".join(values)

@@ -63,7 +63,7 @@ def _kernel_records(kernels: CompiledKernels) -> Iterator[dict]:
         out = {way: batch.values(name, 0.0, q, qd, None) for way, batch in ways.items()}
         chosen = WAYS[isinstance(usual, CompiledBatch) and usual.in_lanes(name)]
         picked = out[chosen]
-        own = kernels.values(name, 0.0, q[-1], qd[-1], None)
+        expected = kernels.values(name, 0.0, q[-1], qd[-1], None)
         call = KernelCall(kernels.function(name), picked.shape[1], kernels)
         moves = "qd" in kernels.programs.programs[name].inputs
         runs: dict[str, Run] = {
@@ -77,7 +77,7 @@ def _kernel_records(kernels: CompiledKernels) -> Iterator[dict]:
         spare = np.empty_like(picked)
         runs[COPY_CASE] = repeated(lambda spare=spare, picked=picked: np.copyto(spare, picked))
         counts = dict.fromkeys((ALONE_IN_C, COPY_CASE, *ways), STATES)
-        error = max(_difference(result[-1], own) for result in out.values())
+        error = max(_difference(result[-1], expected) for result in out.values())
         for record in _records(name, measure(runs, ROUNDS), error, counts):
             yield record | ({"chosen": record["tool"] == chosen} if record["tool"] in ways else {})
 
@@ -94,8 +94,8 @@ def _derivative_records(kernels: CompiledKernels) -> Iterator[dict]:
         BATCH.format(1): repeated(lambda: accelerations(kernels, states, zd, threads=1, out=batch)),
     }
     spent = measure(runs, ROUNDS)
-    own = parts["acceleration"].out[kernels.n : -2]
-    yield from _records("derivative", spent, _difference(batch.zdd[-1], own), {BATCH.format(1): STATES})
+    expected = parts["acceleration"].out[kernels.n : -2]
+    yield from _records("derivative", spent, _difference(batch.zdd[-1], expected), {BATCH.format(1): STATES})
 
 
 def _simulation_records(kernels: CompiledKernels) -> Iterator[dict]:
@@ -123,13 +123,13 @@ def _simulation_records(kernels: CompiledKernels) -> Iterator[dict]:
     yield from _records("simulation", spent, error, counts)
 
 
-def _difference(ours: np.ndarray, own: np.ndarray) -> float:
-    return float(np.max(np.abs(ours - own)) / max(np.max(np.abs(own)), np.finfo(float).tiny))
+def _difference(ours: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.max(np.abs(ours - expected)) / max(np.max(np.abs(expected)), np.finfo(float).tiny))
 
 
-def _records(what: str, spent: Mapping[str, Spread], error: float | None, states: Mapping[str, int]) -> Iterator[dict]:
+def _records(quantity: str, spent: Mapping[str, Spread], error: float | None, states: Mapping[str, int]) -> Iterator[dict]:
     """states: how many of them a measured call computes, where it is not one."""
     times = {tool: spread.seconds(states.get(tool, 1)) for tool, spread in spent.items()}
-    for tool, own in times.items():
-        record = {"case": "batch", "tool": tool, "what": what, "error": error if tool.startswith("batch") else None}
-        yield record | own | {"ratio": times[ALONE_IN_C]["seconds"] / own["seconds"]}
+    for tool, measured in times.items():
+        record = {"case": "batch", "tool": tool, "quantity": quantity, "error": error if tool.startswith("batch") else None}
+        yield record | measured | {"ratio": times[ALONE_IN_C]["seconds"] / measured["seconds"]}

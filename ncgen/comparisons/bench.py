@@ -137,9 +137,9 @@ def _simulation_rows(records: list[dict]) -> list[tuple[str, ...]]:
 def _batch_rows(records: list[dict]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("", "", "ns", "quartiles", "gain", "difference")]
     for r in records:
-        what = LETTERS[r["what"]] if r["what"] in LETTERS else r["what"]
+        quantity = LETTERS[r["quantity"]] if r["quantity"] in LETTERS else r["quantity"]
         tool = r["tool"] + " (chosen)" * r.get("chosen", False)
-        rows.append((what, tool, f"{1e9 * r['seconds']:.0f}", _quartiles(r), f"{r['ratio']:.2f}", _error(r["error"])))
+        rows.append((quantity, tool, f"{1e9 * r['seconds']:.0f}", _quartiles(r), f"{r['ratio']:.2f}", _error(r["error"])))
     return rows
 
 

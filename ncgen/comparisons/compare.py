@@ -34,7 +34,7 @@ def compare(model: Model, users: Sequence[str] = (), others: Others = nobody) ->
     """(kernel, records) for Φ_q, γ, M, and for Φ, Φ_q and γ together, as far as the mechanism has them.
 
     users: functions of the user's own, see ncgen.comparisons.rivals.user; others: what else is set next to them
-    A record has kernel, tool, place ("C" or "Python": where the timing loop is), seconds, low, high (median and quartiles
+    A record has kernel, tool, language ("C" or "Python": that of the timing loop), seconds, low, high (median and quartiles
     per call, of a batch per state), noisy, error (relative to the largest entry), ulps_max and ulps_rms (in ulps of what is
     added up in the entry), generation, compilation (seconds), operations, code (bytes); None where that is not known.
     """
@@ -79,7 +79,7 @@ def record_of(rival: Rival, kernel: str, spread: Spread, errors: Sequence[tuple[
     return {
         "kernel": kernel,
         "tool": rival.name,
-        "place": rival.place,
+        "language": rival.language,
         **spread.seconds(rival.calls),
         "noisy": spread.high - spread.low > NOISE_MARK * spread.median,
         "error": error,
@@ -124,13 +124,18 @@ HEAD = (
 
 def table(records: list[dict]) -> list[tuple[str, ...]]:
     """Rows of cells, titles first; the ratio is to the quickest generated code in double."""
-    own = [r["seconds"] for r in records if r["tool"].startswith("generated") and not r["tool"].endswith("float")]
+    seconds = [r["seconds"] for r in records if r["tool"].startswith("generated") and not r["tool"].endswith("float")]
     rows: list[tuple[str, ...]] = [HEAD]
     for number, r in enumerate(records, 1):
-        unit = 1e9 if r["place"] == "C" else 1e6
+        unit = 1e9 if r["language"] == "C" else 1e6
         time = f"{unit * r['seconds']:.{0 if unit == 1e9 else 2}f}"
         spread = f"{unit * r['low']:.3g}-{unit * r['high']:.3g}" + (" noisy" if r["noisy"] else "")
-        cells = [f"{number:2}  {r['tool']}", *((time, "") if r["place"] == "C" else ("", time)), spread, f"{r['seconds'] / min(own):.3g}"]
+        cells = [
+            f"{number:2}  {r['tool']}",
+            *((time, "") if r["language"] == "C" else ("", time)),
+            spread,
+            f"{r['seconds'] / min(seconds):.3g}",
+        ]
         cells += [f"{r['error']:.1e}", f"{r['ulps_max']:.2g}", f"{r['ulps_rms']:.2g}"]
         cells += ["" if r[key] is None else f"{r[key]:.2f}" for key in ("generation", "compilation")]
         rows.append((*cells, *("" if r[key] is None else str(r[key]) for key in ("operations", "code"))))
@@ -143,15 +148,15 @@ def figure(drawn: dict[str, list[dict]]) -> Figure:
 
     chart = empty(9.0, 4.2 * max(len(drawn), 1))
     chart.set_layout_engine("constrained")
-    for place, (title, records) in enumerate(drawn.items(), 1):
-        axes = chart.add_subplot(len(drawn), 1, place, xscale="log", yscale="log", ylabel="relative error", title=title)
+    for panel, (title, records) in enumerate(drawn.items(), 1):
+        axes = chart.add_subplot(len(drawn), 1, panel, xscale="log", yscale="log", ylabel="relative error", title=title)
         axes.set_xlabel("time of a call (s)")
         axes.grid(**GRID)
         axes.set_axisbelow(True)
         for number, r in enumerate(records, 1):
             x, y = r["seconds"], max(r["error"], MIN_DRAWN_ERROR)
             generated = r["tool"].startswith("generated")
-            axes.plot(x, y, "o" if r["place"] == "C" else "s", color="#c8102e" if generated else "#30506b", markersize=5)
+            axes.plot(x, y, "o" if r["language"] == "C" else "s", color="#c8102e" if generated else "#30506b", markersize=5)
             axes.annotate(str(number), (x, y), xytext=(0, 5 + 8 * (number % 2)), textcoords="offset points", fontsize=7, ha="center")
         names = "\n".join(f"{n}  {r['tool']}" for n, r in enumerate(records, 1))
         axes.text(1.02, 1.0, names, transform=axes.transAxes, fontsize=7, va="top")

@@ -71,22 +71,22 @@ def derivative_records(
         return []
     zd = np.full(len(partitions.velocity.independent), SPEED)
     _, parts, programs = emitted_parts(kernels)
-    motion, part = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
+    motion, independent = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
     runs: dict[str, Run] = {
         name: runner(0.0, q, zd, kernels.p0, [parts[at] for at in positions], parts[velocity] if velocity else None)
         for name, (positions, velocity) in COMBINATIONS.items()
     }
     runs |= {"in Python": repeated(lambda: motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0))}
-    more = _student(kernels, q, zd) | others(kernels, q, zd) | _stage(kernels, q, motion.qd, part)
+    more = _student(kernels, q, zd) | others(kernels, q, zd) | _stage(kernels, q, motion.qd, independent)
     spent = measure(runs | {name: each.run for name, each in more.items()})
-    error = _error(kernels, q, parts, motion.qdd[part]) | {
-        name: relative_error(each.values(), motion.qdd[part]) for name, each in more.items()
+    error = _error(kernels, q, parts, motion.qdd[independent]) | {
+        name: relative_error(each.values(), motion.qdd[independent]) for name, each in more.items()
     }
     counts = _counts(programs) | {name: each.operations for name, each in more.items()}
     return [_record(name, spread, counts.get(name), rate, error.get(name), (worst or {}).get(name)) for name, spread in spent.items()]
 
 
-def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, part: np.ndarray) -> dict[str, RatedPart]:
+def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, independent: np.ndarray) -> dict[str, RatedPart]:
     """The derivative that default runs take, if they take one."""
     counts = motion(kernels)
     if counts is None or not has_emitted_recursion(kernels, Method.of("lagrange", "dop853")):
@@ -94,7 +94,7 @@ def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, part: np.nda
     made = all_coordinates(kernels, form="emitted")
     call = KernelCall(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made))
     run = runner(0.0, q, qd, made.with_prepared(kernels.p0), [], call)
-    return {STAGE: RatedPart(run, lambda: call.out[kernels.n :][part], counts["derivative"])}
+    return {STAGE: RatedPart(run, lambda: call.out[kernels.n :][independent], counts["derivative"])}
 
 
 def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, KernelCall], dict[str, Program]]:
@@ -111,7 +111,7 @@ def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Kerne
 
 def _counts(programs: dict[str, Program]) -> dict[str, int | None]:
     return {
-        name: sum(cost(programs[part]).total for part in (*positions, *([velocity] if velocity else [])))
+        name: sum(cost(programs[program]).total for program in (*positions, *([velocity] if velocity else [])))
         for name, (positions, velocity) in COMBINATIONS.items()
     }
 

@@ -54,7 +54,7 @@ Others: TypeAlias = Callable[[Kernels, float, Mapping[str, float]], Iterator[dic
 """(kernels, duration, {coordinate: end value}) -> records of what else simulates it."""
 
 
-def fall_records(kernels: Kernels, others: Others = lambda *given: iter(())) -> Iterator[dict]:
+def fall_records(kernels: Kernels, others: Others = lambda *arguments: iter(())) -> Iterator[dict]:
     """Records of the model's own simulation, one at a time.
 
     error: largest difference (m, rad) of the end position; seconds: of the run; total: of the whole call of `simulate`

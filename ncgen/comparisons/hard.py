@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.comparisons.hard_cases import CASES, Case
+from ncgen.comparisons.case import Case
+from ncgen.comparisons.hard_cases import CASES
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
@@ -27,8 +28,8 @@ LIMIT = 20.0
 def hard_records(names: Collection[str] = (), limit: float = LIMIT) -> Iterator[dict]:
     """Records of the named cases (default: all), a run at a time.
 
-    case, formalism, integrator, engine; error and against: largest error, and what is known; drift: of the energy, relative;
-    seconds; reason: in words, where there is no result; said: what a run with a result warned of
+    case, formalism, integrator, engine; error and reference: largest error, and what it is compared with; drift: of the energy, relative;
+    seconds; reason: in words, where there is no result; warnings: of a run with a result
     """
     for name in names or CASES:
         case = CASES[name]
@@ -40,7 +41,7 @@ def hard_records(names: Collection[str] = (), limit: float = LIMIT) -> Iterator[
 def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: str, limit: float = LIMIT) -> dict:
     """One run as a record."""
     record = {"case": case.name, "formalism": formalism, "integrator": integrator, "engine": None, "error": None, "drift": None}
-    record |= {"against": case.against, "seconds": None, "reason": None, "said": None}
+    record |= {"reference": case.against, "seconds": None, "reason": None, "warnings": None}
     steps = {"max_step": case.step} if integrator in FIXED else {"rtol": case.rtol, "atol": ATOL_OVER_RTOL * case.rtol * kernels.length}
     options = {**case.options, **steps, "points": case.points}
     if case.violated:
@@ -54,9 +55,9 @@ def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: s
     except (NcgenError, TimeIsUp) as error:
         return record | {"seconds": time.perf_counter() - start, "reason": str(error)}
     record |= {"engine": run.engine.split(":")[0], "seconds": run.statistics.seconds}
-    record |= {"said": "; ".join(str(warning.message) for warning in caught) or None}
+    record |= {"warnings": "; ".join(str(warning.message) for warning in caught) or None}
     if not np.all(np.isfinite(run.q)):
-        return record | {"reason": "the motion is not finite, and nothing said so"}
+        return record | {"reason": "the motion is not finite, and there was no warning"}
     return record | {"error": float(case.error(run)), "drift": float(run.energy_drift)}
 
 
@@ -71,12 +72,12 @@ def lines(records: list[dict]) -> Iterator[str]:
     """The records as a table, a case after the other."""
     for name in dict.fromkeys(r["case"] for r in records):
         records_of_case = [r for r in records if r["case"] == name]
-        yield f"{name}: {CASES[name].breaks}; error against {records_of_case[0]['against']}"
+        yield f"{name}: {CASES[name].breaks}; error against {records_of_case[0]['reference']}"
         for r in records_of_case:
             method = f"  {r['formalism']:<24}{r['integrator']:<18}"
             if r["reason"]:
                 yield f"{method}{'':>34}{r['reason']}"
             else:
-                message = f"  {r['said']}" if r["said"] else ""
+                message = f"  {r['warnings']}" if r["warnings"] else ""
                 yield f"{method}{r['engine']:<8}{r['error']:>9.1e}{r['drift']:>9.1e}{r['seconds']:>7.2f} s{message}"
         yield ""

@@ -74,10 +74,10 @@ def _functions(path: Path) -> dict[str, Callable[..., Any]]:
         spec.loader.exec_module(module)
     except Exception as error:  # the user's own code: whatever it raises is said in a line
         raise ModelError(f"{path}: it cannot be run: {type(error).__name__}: {error}") from error
-    own = {name: f for name, f in vars(module).items() if callable(f) and NAMES.fullmatch(name)}
-    if not own:
+    functions = {name: f for name, f in vars(module).items() if callable(f) and NAMES.fullmatch(name)}
+    if not functions:
         raise ModelError(f"{path}: it has no function called phi, phi_q or gamma (or something_phi and so on)")
-    return own
+    return functions
 
 
 def _positions(kernels: Kernels) -> Iterator[State]:
@@ -129,7 +129,7 @@ class _Case:
         reasons: dict[tuple[str, str], list[int]] = {}
         for column in columns:
             reasons.setdefault(self._entry(row, column, columns), []).append(column)
-        return [self._mistake(row, places, *reason) for reason, places in reasons.items()]
+        return [self._mistake(row, entries, *reason) for reason, entries in reasons.items()]
 
     def _whole_row(self, row: int, columns: list[int]) -> tuple[str, str] | None:
         """An explanation of all that is wrong in a row of several numbers."""
@@ -180,10 +180,10 @@ class _Case:
 
     def _factor(self, row: int, computed: np.ndarray, good: np.ndarray) -> float | None:
         """The number by which everything is multiplied, if it is one number."""
-        place = np.abs(good) > self.sizes[row]
-        if not np.any(place):
+        is_sizeable = np.abs(good) > self.sizes[row]
+        if not np.any(is_sizeable):
             return None
-        factor = float(np.median(computed[place] / good[place]))
+        factor = float(np.median(computed[is_sizeable] / good[is_sizeable]))
         return factor if abs(factor) > 1e-6 and self.same(row, computed, factor * good) else None
 
     def _term(self, row: int, column: int, difference: np.ndarray) -> tuple[str, str] | None:
@@ -191,15 +191,15 @@ class _Case:
         terms = sympy.Add.make_args(sympy.expand(self._expression(row, column)))
         if len(terms) < 2:
             return None
-        for part, what in _parts(terms):
-            values = self._numbers(part)
+        for term, label in _parts(terms):
+            values = self._numbers(term)
             if self.same(row, difference, -values):
-                return "missing term", f"{what} missing"
+                return "missing term", f"{label} missing"
             if self.same(row, difference, -2 * values):
-                return "sign of a term", f"{what} of the wrong sign"
+                return "sign of a term", f"{label} of the wrong sign"
             factor = self._factor(row, difference, values)
             if factor is not None and (times := _simple(1 + factor)):
-                return "factor of a term", f"{what} multiplied by {times}"
+                return "factor of a term", f"{label} multiplied by {times}"
         return None
 
     def _exchanged(self, row: int, column: int, computed: np.ndarray) -> tuple[str, str] | None:
@@ -219,12 +219,12 @@ class _Case:
             names = {"q": "", "qd": "d"}
             self.symbols = {a: [sympy.Symbol(mark + c.replace(".", "_")) for c in kernels.coordinates] for a, mark in names.items()}
             functions = {PIECES: _piecewise, **{name: getattr(sympy, f.sympy) for name, f in FUNCTIONS.items()}}
-            given = {"t": sympy.Float(0), "p": [sympy.Float(float(x)) for x in kernels.p0], **self.symbols}
-            self._values = evaluate(program, given, functions, sympy.Float)
+            values = {"t": sympy.Float(0), "p": [sympy.Float(float(x)) for x in kernels.p0], **self.symbols}
+            self._values = evaluate(program, values, functions, sympy.Float)
         if self.kernel != "phi_q":
             return sympy.sympify(self._values[row])
-        place = kernels.phi_q_pattern.positions().get((row, column))
-        return sympy.sympify(self._values[place] if place is not None else 0)
+        position = kernels.phi_q_pattern.positions().get((row, column))
+        return sympy.sympify(self._values[position] if position is not None else 0)
 
     def _numbers(self, expression: sympy.Basic) -> np.ndarray:
         function = sympy.lambdify([*self.symbols["q"], *self.symbols["qd"]], expression)
@@ -256,10 +256,10 @@ def _parts(terms: Sequence[sympy.Expr]) -> Iterator[tuple[sympy.Expr, str]]:
         yield sympy.Add(*(t for t in terms if t.has(function))), f"the part with {function} is"
 
 
-def _scaled(factor: float, what: str) -> tuple[str, str]:
+def _scaled(factor: float, label: str) -> tuple[str, str]:
     if abs(factor + 1) < 1e-6:
-        return "sign", f"{what} has the wrong sign"
-    return "factor", f"{what} is multiplied by {_simple(factor) or f'{factor:.6g}'}"
+        return "sign", f"{label} has the wrong sign"
+    return "factor", f"{label} is multiplied by {_simple(factor) or f'{factor:.6g}'}"
 
 
 def _simple(factor: float) -> str | None:

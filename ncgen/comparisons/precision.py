@@ -105,7 +105,7 @@ def precision_records(model: Model, limit: float = LIMIT, **chosen: Any) -> list
 
     chosen: duration and arguments of the start for `simulate`, in place of the model's own where they are not None
     method: in words; formalism, integrator, engine ("emitted", "c" or "python"), kernels ("c" or "numpy"), number type, setting; error;
-    doubt: of the reference; seconds, low, high: of the run, median and quartiles; noisy; steps, evaluations; reason: in words,
+    reference_error: of the reference; seconds, low, high: of the run, median and quartiles; noisy; steps, evaluations; reason: in words,
     where there is no result
 
     Raises ModelError where nothing moves: every method is exact then.
@@ -136,8 +136,8 @@ def _check_motion(kernels: Kernels, duration: float, start: dict[str, Any]) -> N
 def _repeat(runs: list[tuple[dict, Callable[[], float]]]) -> None:
     """Measure in turns, so that all methods see the same disturbances."""
     samples = [[again() for _, again in runs] for _ in range(ROUNDS)]
-    for (record, _), own in zip(runs, zip(*samples, strict=True), strict=True):
-        low, middle, high = map(float, np.quantile(own, (0.25, 0.5, 0.75)))
+    for (record, _), seconds in zip(runs, zip(*samples, strict=True), strict=True):
+        low, middle, high = map(float, np.quantile(seconds, (0.25, 0.5, 0.75)))
         record |= {"seconds": middle, "low": low, "high": high, "noisy": high - low > NOISE_MARK * middle}
 
 
@@ -176,7 +176,7 @@ def _ladder(
             "kernels": kernels.backend,
             "number": number,
         }
-        record |= {"setting": f"{level} steps" if fixed else f"rtol {level:.0e}", "error": None, "doubt": known.doubt}
+        record |= {"setting": f"{level} steps" if fixed else f"rtol {level:.0e}", "error": None, "reference_error": known.doubt}
         record |= {"seconds": None, "low": None, "high": None, "noisy": False, "steps": None, "evaluations": None, "reason": None}
         accuracy = {"max_step": duration / level} if fixed else {"rtol": level, "atol": 1e-2 * level * kernels.length}
         options = {"formalism": formalism, "integrator": integrator, "engine": engine, "number": number, "points": 2, **accuracy, **start}
@@ -246,7 +246,7 @@ def front(records: list[dict]) -> list[str]:
     """The quickest method for every error that the reference can tell, in words."""
     lines = []
     done = [r for r in records if r["error"] is not None]
-    for level in (level for level in ERROR_LEVELS if all(level > r["doubt"] for r in done)):
+    for level in (level for level in ERROR_LEVELS if all(level > r["reference_error"] for r in done)):
         enough = [r for r in done if r["error"] <= level]
         if enough:
             best = min(enough, key=lambda r: r["seconds"])
@@ -260,21 +260,21 @@ def figure(records: list[dict], title: str) -> Figure:
     from ncgen.view.chart import GRID, empty
 
     done = [r for r in records if r["error"] is not None]
-    places = {_place(r) for r in done}
-    panels = [place for place in product(ENGINES, ("c", "numpy"), NUMBERS) if place in places]
+    present = {_place(r) for r in done}
+    panels = [panel for panel in product(ENGINES, ("c", "numpy"), NUMBERS) if panel in present]
     formalisms, integrators = (list(dict.fromkeys(r[key] for r in done)) for key in ("formalism", "integrator"))
     chart = empty(10.0, 0.8 + 3.6 * ((len(panels) + 1) // 2))
     chart.set_layout_engine("constrained")
     chart.suptitle(title)
     axes, legend = None, {}
-    for number, place in enumerate(panels, 1):
+    for number, panel in enumerate(panels, 1):
         axes = chart.add_subplot((len(panels) + 1) // 2, 2, number, xscale="log", yscale="log", sharex=axes, sharey=axes)
-        axes.set(title=_title(*place), xlabel="error, relative to the size", ylabel="seconds")
+        axes.set(title=_title(*panel), xlabel="error, relative to the size", ylabel="seconds")
         axes.minorticks_off()  # hundreds of them make a file large
         axes.grid(**GRID)
         axes.set_axisbelow(True)
         axes.plot(*_points(_unbeaten(done)), color="#ffd166", linewidth=7, alpha=0.6)
-        for runs in by_method([r for r in done if _place(r) == place]).values():
+        for runs in by_method([r for r in done if _place(r) == panel]).values():
             formalism, integrator = runs[0]["formalism"], runs[0]["integrator"]
             color, marker = COLORS[integrators.index(integrator) % len(COLORS)], MARKERS[formalisms.index(formalism) % len(MARKERS)]
             axes.plot(*_points(runs), color=color, marker=marker, linewidth=0.9, markersize=3.5)

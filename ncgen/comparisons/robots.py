@@ -60,8 +60,8 @@ FIRSTS, RIVALS = ("cold", "cached"), ("pinocchio", "mujoco")
 """Measurements of the first motion, and of other programs; without one of these the others go on."""
 
 NUMBERS = {
-    "freedom": ("DOF", "{:d}"), "cold": ("cold, s", "{:.1f}"), "cached": ("cached, s", "{:.2f}"), "cold_processor": ("processor", "{:.1f}"),
-    "each": ("us each", "{:.2f}"),
+    "dof": ("DOF", "{:d}"), "cold": ("cold, s", "{:.1f}"), "cached": ("cached, s", "{:.2f}"), "cold_processor": ("processor", "{:.1f}"),
+    "evaluation": ("us each", "{:.2f}"),
     "aba": ("aba, us", "{:.2f}"), "ratio": ("ratio", "{:.2f}"), "evaluations": ("evaluations", "{:d}"), "seconds": ("1 s, ms", "{:.2f}"),
     "error": ("error", "{:.0e}"), "drift": ("energy", "{:.0e}"), "fallbacks": ("fallbacks", "{:.1%}"),
     "mujoco": ("MuJoCo, ms", "{:.2f}"), "mujoco_error": ("its error", "{:.0e}"),
@@ -87,11 +87,11 @@ def robot_files(paths: Iterable[Path]) -> list[Path]:
 def robot_records(files: Iterable[Path], limit: float = LIMIT) -> Iterator[dict]:
     """A record a file.
 
-    file; freedom: degrees of freedom; cold, cached: seconds from the import of ncgen to the end of a first motion; cold_processor: seconds
+    file; dof: degrees of freedom; cold, cached: seconds from the import of ncgen to the end of a first motion; cold_processor: seconds
     of the processors in the first of these, the compiler's among them; duration (s) of the run; seconds of the processor that it took,
-    evaluations, seconds an evaluation (each), error (rad, m) at its end, drift of energy (relative), fallbacks (fraction of the
-    evaluations); aba: seconds of Pinocchio's function, ratio of each to it; mujoco, mujoco_error: seconds and error (rad, m) of its run of
-    1 s. Unknown values are null; reason, pinocchio_reason, mujoco_reason: why, in a line.
+    evaluations, seconds an evaluation (evaluation), error (rad, m) at its end, drift of energy (relative), fallbacks (fraction of the
+    evaluations); aba: seconds of Pinocchio's function, ratio of an evaluation to it; mujoco, mujoco_error: seconds and error (rad, m) of
+    its run of 1 s. Unknown values are null; reason, pinocchio_reason, mujoco_reason: why, in a line.
     """
     for file in files:
         end = time.perf_counter() + limit
@@ -102,8 +102,8 @@ def robot_records(files: Iterable[Path], limit: float = LIMIT) -> Iterator[dict]
                 record |= results | {f"{stage}_reason" if stage in RIVALS else "reason": reason}
                 if record["reason"]:
                     break
-        if record["each"] and record["aba"]:
-            record["ratio"] = record["each"] / record["aba"]
+        if record["evaluation"] and record["aba"]:
+            record["ratio"] = record["evaluation"] / record["aba"]
         record.pop("start", None)
         yield record
 
@@ -146,7 +146,7 @@ def motion() -> None:
     kernels = compile(load(sys.argv[1]))
     names = kernels.model.chosen_independent
     zd0 = {name: RATE * (-1) ** i for i, name in enumerate(names)}
-    _print_results(start=zd0, freedom=len(names) or freedom(kernels).dof)
+    _print_results(start=zd0, dof=len(names) or freedom(kernels).dof)
     duration, run = 0.0, None
     for duration in DURATIONS:
         seconds = np.inf
@@ -159,14 +159,14 @@ def motion() -> None:
                 break
         assert run is not None
         counts = run.statistics
-        share = counts.fallbacks / max(counts.evaluations, 1)
-        _print_results(duration=duration, seconds=seconds, evaluations=counts.evaluations, fallbacks=share)
-        _print_results(each=seconds / max(counts.evaluations, 1))
+        fraction = counts.fallbacks / max(counts.evaluations, 1)
+        _print_results(duration=duration, seconds=seconds, evaluations=counts.evaluations, fallbacks=fraction)
+        _print_results(evaluation=seconds / max(counts.evaluations, 1))
     assert run is not None
-    places = [kernels.coordinates.index(name) for name in names] or list(range(kernels.n))
+    positions = [kernels.coordinates.index(name) for name in names] or list(range(kernels.n))
     with suppress(NcgenError):  # then the error is unknown, and the run counts all the same
         tight = simulate_one(kernels, duration, rtol=REFERENCE_RTOL, zd0=zd0 or None, points=2)
-        _print_results(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[places])))
+        _print_results(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[positions])))
     _print_results(drift=float(run.energy_drift))
 
 
@@ -246,7 +246,7 @@ def robot_line(record: dict) -> str:
 def _cell(key: str, value: float | None) -> str:
     if value is None:
         return ""
-    size = 1e3 if key in MILLISECONDS else 1e6 if key in ("each", "aba") else 1
+    size = 1e3 if key in MILLISECONDS else 1e6 if key in ("evaluation", "aba") else 1
     return NUMBERS[key][1].format(value if size == 1 else size * value)
 
 
@@ -255,7 +255,7 @@ def summary(records: list[dict]) -> Iterator[str]:
     for key in NUMBERS:
         measured = [r for r in records if r[key] is not None and (key != "seconds" or r["duration"] == DURATIONS[-1])]
         known = [(r[key], r["file"]) for r in measured]
-        if known and key != "freedom":
+        if known and key != "dof":
             worst, name = max(known)
             median = statistics.median(value for value, _ in known)
             median = round(median) if isinstance(worst, int) else median

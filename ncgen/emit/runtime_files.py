@@ -169,8 +169,8 @@ def runtime_text(name: str) -> str:
     """One file of the library. Raises FileNotFoundError for one that it does not have."""
     if name in PRINTED:
         return render(f"c/{name}.jinja", **_methods())
-    places = [FOLDER / part / name for part in ("include", "src", "lanes", "generic")]
-    return next((place for place in places if place.is_file()), places[0]).read_text(encoding="utf-8")
+    candidates = [FOLDER / folder / name for folder in ("include", "src", "lanes", "generic")]
+    return next((path for path in candidates if path.is_file()), candidates[0]).read_text(encoding="utf-8")
 
 
 def constant_of(source: str, name: str) -> int:

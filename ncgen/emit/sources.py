@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ncgen.emit.language import language, languages
-from ncgen.files import output_was, path_of, write_text
+from ncgen.files import argument_was, path_of, write_text
 from ncgen.program.programs import Programs
 
 
@@ -46,7 +46,7 @@ class Sources:
         """All files, in all languages that people read."""
         return {file: text for name in languages() if language(name).IS_READ for file, text in self.of(name).items()}
 
-    @output_was("folder")
+    @argument_was("folder")
     def write(self, output: str | os.PathLike[str]) -> list[Path]:
         """Write all files into a folder.
 
@@ -65,5 +65,5 @@ class Sources:
         NcgenError
             If the folder cannot be written.
         """
-        place = path_of(output, "folder")
-        return [write_text(place / name, text) for name, text in self.files.items()]
+        folder = path_of(output, "folder")
+        return [write_text(folder / name, text) for name, text in self.files.items()]

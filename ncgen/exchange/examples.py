@@ -108,16 +108,16 @@ def load(path: str | Path, **robot: Unpack[RobotArguments]) -> Model:
     having = {word: options[word] for word in ("limits", "friction", "motors", "sensors")}
     floating, loops, inertias, parameters, frames = (options[word] for word in ("floating", "loops", "inertias", "parameters", "frames"))
     file = as_path(path, "the name of an example or the path of a file")
-    for word, given in (("floating", False if floating is None else floating), *having.items()):
+    for word, argument in (("floating", False if floating is None else floating), *having.items()):
         if word in SMOOTH_OR:
-            check_smooth(given, word)
+            check_smooth(argument, word)
         else:
-            truth(given, word)
+            truth(argument, word)
     suffix = file.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(file):
         model = robots.load_robot(file, floating, loops=loops, inertias=inertias, parameters=parameters, stacklevel=3, **having)
         return robots.with_frame_outputs(model, frames) if frames else model
-    for word, given in (
+    for word, argument in (
         ("floating", floating is not None),
         *having.items(),
         ("loops", loops is not None),
@@ -125,7 +125,7 @@ def load(path: str | Path, **robot: Unpack[RobotArguments]) -> Model:
         ("parameters", len(parameters) > 0),
         ("frames", len(frames) > 0),
     ):
-        if given:
+        if argument:
             raise ModelError(f"{file.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")
     if str(path) in example_names():
         return _checked(example_module(path))
@@ -214,8 +214,8 @@ def _guarded(path: Path, run: Callable[[], Result]) -> Result:
         error.args = (shortened(f"{_place(error, path)}: {error}"), *error.args[1:])
         raise
     except SyntaxError as error:
-        place = f"{shortened(Path(error.filename or path).name, MAX_ECHO)}{f', line {error.lineno}' if error.lineno else ''}"
-        raise ModelError(f"{place}: {error.msg}") from error
+        position = f"{shortened(Path(error.filename or path).name, MAX_ECHO)}{f', line {error.lineno}' if error.lineno else ''}"
+        raise ModelError(f"{position}: {error.msg}") from error
     except SystemExit as error:
         raise ModelError(
             f"{_place(error, path)}: it ends Python by sys.exit({error.code!r}); a model file only describes a model"

@@ -98,7 +98,7 @@ class Measure:
     def _chain(self, node: ast.BinOp, level: int) -> Size:
         operators = SUMS if isinstance(node.op, SUMS) else PRODUCTS
         links = chain(node, operators)
-        sizes = [self.size(part, level + 1) for _, part in links]
+        sizes = [self.size(operand, level + 1) for _, operand in links]
         if operators is PRODUCTS and sum(s.value is None for s in sizes) > MOST_FACTORS:
             raise ModelError(f"{quoted(self.text)}: a product of {len(sizes)} factors; {MOST_FACTORS} are allowed")
         value = sizes[0].value
@@ -154,9 +154,9 @@ class Measure:
             raise self._not_finite(node) from None
 
     def _not_finite(self, node: ast.expr) -> ModelError:
-        part = ast.get_source_segment(self.text.strip(), node) or self.text
-        place = f"{quoted(self.text)}: " if part != self.text.strip() else ""
-        return ModelError(f"{place}{quoted(part)} is not a finite number; correct it")
+        source = ast.get_source_segment(self.text.strip(), node) or self.text
+        prefix = f"{quoted(self.text)}: " if source != self.text.strip() else ""
+        return ModelError(f"{prefix}{quoted(source)} is not a finite number; correct it")
 
 
 def _combined(operator: ast.operator | None, a: float, b: float) -> float:

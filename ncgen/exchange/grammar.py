@@ -101,7 +101,7 @@ class _Reader:
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
             return self.read(node.left) ** self.read(node.right)
         if isinstance(node, ast.BinOp) and isinstance(node.op, SUMS):
-            return sympy.Add(*(-self.read(part) if isinstance(op, ast.Sub) else self.read(part) for op, part in chain(node, SUMS)))
+            return sympy.Add(*(-self.read(operand) if isinstance(op, ast.Sub) else self.read(operand) for op, operand in chain(node, SUMS)))
         if isinstance(node, ast.BinOp) and isinstance(node.op, PRODUCTS):
             return self._product(node)
         if (load := _load_of(node)) is not None:
@@ -119,16 +119,16 @@ class _Reader:
         import sympy
 
         if name not in self.known:
-            part = shortened(_source(node, self.text), MAX_ECHO)
+            source = shortened(_source(node, self.text), MAX_ECHO)
             words = "outputs have force(body, point).x, moment(body, vector).x and driver(coordinate), with axes x, y and z"
-            raise UnknownName(f"{quoted(self.text)}: {part}: there is no such load here; {words}", "")
+            raise UnknownName(f"{quoted(self.text)}: {source}: there is no such load here; {words}", "")
         return sympy.Symbol(name, real=True)
 
     def _product(self, node: ast.BinOp) -> Expr:
         (_, first), *rest = chain(node, PRODUCTS)
         product = self.read(first)
-        for operator, part in rest:
-            factor = self.read(part)
+        for operator, operand in rest:
+            factor = self.read(operand)
             if isinstance(operator, ast.Div) and factor == 0:
                 raise ModelError(f"{quoted(self.text)} divides by zero")
             product = product / factor if isinstance(operator, ast.Div) else product * factor
@@ -145,8 +145,8 @@ class _Reader:
             if isinstance(node.args[0], ast.Call) and dotted(node.args[0].func) == RATE:  # of a rate: an acceleration
                 return sympy.Symbol(rate_name(str(self._call(node.args[0]))), real=True)
             if inner is None or inner not in self.known:
-                part = shortened(_source(node, self.text), MAX_ECHO)
-                raise UnknownName(f"{quoted(self.text)}: {part}: there is no coordinate of that name", inner or "")
+                source = shortened(_source(node, self.text), MAX_ECHO)
+                raise UnknownName(f"{quoted(self.text)}: {source}: there is no coordinate of that name", inner or "")
             return sympy.Symbol(rate_name(inner), real=True)
         if function in CHOICES and len(node.args) == 2:
             return without_kinks(getattr(sympy, CHOICES[function])(*map(self.read, node.args)), quoted(self.text))
@@ -155,11 +155,11 @@ class _Reader:
         if function is not None and function in self.curves:
             return self._curve(self.curves[function], node.args)
         if function not in FUNCTIONS or len(node.args) != FUNCTIONS[function].arity:
-            part, known = (
+            source, known = (
                 shortened(_source(node.func, self.text), MAX_ECHO),
                 ", ".join((*FUNCTIONS, *CHOICES, PIECEWISE, *self.curves, RATE)),
             )
-            raise ModelError(f"{quoted(self.text)}: {part} of {len(node.args)} is unknown; the functions are {known}")
+            raise ModelError(f"{quoted(self.text)}: {source} of {len(node.args)} is unknown; the functions are {known}")
         return getattr(sympy, FUNCTIONS[function].sympy)(*map(self.read, node.args))
 
     def _curve(self, curve: Curve, arguments: list[ast.expr]) -> Expr:
@@ -200,8 +200,8 @@ def _direction(node: ast.expr, elements: Mapping[str, Spatial], text: str) -> Sp
     if isinstance(node, ast.BinOp) and isinstance(node.op, SUMS):
         (_, first), *rest = chain(node, SUMS)
         total = _direction(first, elements, text)
-        for operator, part in rest:
-            other = _direction(part, elements, text)
+        for operator, operand in rest:
+            other = _direction(operand, elements, text)
             total = total + other if isinstance(operator, ast.Add) else total - other
         return total
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult) and (weight := _weight(node.left)) is not None:
@@ -211,8 +211,8 @@ def _direction(node: ast.expr, elements: Mapping[str, Spatial], text: str) -> Sp
     name = dotted(node)
     if name is None or name not in elements:
         shown = shortened(name or _source(node, text), MAX_ECHO)
-        place = "" if shown == text.strip() else f"{quoted(text)}: "
-        raise UnknownName(f"{place}there is no point or vector {shown}; define it first", name or "")
+        prefix = "" if shown == text.strip() else f"{quoted(text)}: "
+        raise UnknownName(f"{prefix}there is no point or vector {shown}; define it first", name or "")
     return elements[name]
 
 

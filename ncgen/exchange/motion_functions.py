@@ -88,8 +88,8 @@ class MotionFunction:
             q[:], qd[:] = run.q, run.qd
         elif not self._is_for_lanes:
             leading = q.shape[:-2]
-            own = [_spread(p, leading), _spread(rates, leading), q, qd]
-            _one_after_the_other(self._forward, leading, own)
+            arrays = [_spread(p, leading), _spread(rates, leading), q, qd]
+            _one_after_the_other(self._forward, leading, arrays)
         else:
             self._completed(self._many(q.shape[:-2], p, rates).sweep(None, rows=(_flat(q, 2), _flat(qd, 2))))
 
@@ -97,19 +97,19 @@ class MotionFunction:
         self, p: np.ndarray, rates: np.ndarray, by_q: np.ndarray, by_qd: np.ndarray, by_p: np.ndarray, by_rates: np.ndarray
     ) -> None:
         if by_p.ndim == 1:
-            slopes, _ = self._one(p, rates).backward(by_q, by_qd)
+            derivatives, _ = self._one(p, rates).backward(by_q, by_qd)
         elif not self._is_for_lanes:
             leading = by_p.shape[:-1]
-            given = [_spread(p, leading), _spread(rates, leading), _spread(by_q, leading, 2), _spread(by_qd, leading, 2)]
-            _one_after_the_other(self._backward, leading, [*given, by_p, by_rates])
+            arrays = [_spread(p, leading), _spread(rates, leading), _spread(by_q, leading, 2), _spread(by_qd, leading, 2)]
+            _one_after_the_other(self._backward, leading, [*arrays, by_p, by_rates])
             return
         else:
             leading = by_p.shape[:-1]
             weights = [_flat(_spread(a, leading, 2), 2) for a in (by_q, by_qd)]
             motions = self._many(leading, p, rates)
-            slopes = self._completed(motions.sweep(lambda rows, q, qd: (weights[0][rows], weights[1][rows])))
-        by_p[:] = slopes[..., : p.shape[-1]].reshape(by_p.shape)
-        by_rates[:] = slopes[..., slopes.shape[-1] - rates.shape[-1] :].reshape(by_rates.shape)
+            derivatives = self._completed(motions.sweep(lambda rows, q, qd: (weights[0][rows], weights[1][rows])))
+        by_p[:] = derivatives[..., : p.shape[-1]].reshape(by_p.shape)
+        by_rates[:] = derivatives[..., derivatives.shape[-1] - rates.shape[-1] :].reshape(by_rates.shape)
 
     def _one(self, p: np.ndarray, rates: np.ndarray | None) -> Motion:
         """One motion; the last is kept, since the reverse sweep is asked for through the one that has just been made."""
@@ -120,21 +120,21 @@ class MotionFunction:
 
     def _many(self, leading: tuple[int, ...], p: np.ndarray, rates: np.ndarray) -> TapedBatch:
         p, rates = (_flat(_spread(a, leading), 1) for a in (p, rates))
-        given = {name: value for name, value in self._start.items() if name != "z"}
-        return taped_batch(self.kernels, *self._asked, zd0=rates, p=p, z=self._z, **given)
+        start = {name: value for name, value in self._start.items() if name != "z"}
+        return taped_batch(self.kernels, *self._asked, zd0=rates, p=p, z=self._z, **start)
 
     def _completed(self, swept: Swept) -> np.ndarray:
         """The slopes of many. Raises NcgenError where one did not come to its end."""
         if bad := [i for i, word in enumerate(swept.status) if word != "ok"]:
             raise NcgenError(f"motion {bad[0]} of {len(swept.status)}: {swept.status[bad[0]]}")
-        return swept.slopes
+        return swept.derivatives
 
 
 def _one_after_the_other(call: Callable[..., None], leading: tuple[int, ...], arrays: Sequence[np.ndarray]) -> None:
     """Call with the part of every motion of all arrays. Raises NcgenError with the number of the motion."""
-    for i, place in enumerate(np.ndindex(leading)):
+    for i, index in enumerate(np.ndindex(leading)):
         try:
-            call(*(array[place] for array in arrays))
+            call(*(array[index] for array in arrays))
         except NcgenError as error:
             raise NcgenError(f"motion {i} of {prod(leading)}: {error}") from None
 
@@ -146,5 +146,5 @@ def _spread(array: np.ndarray, leading: tuple[int, ...], axes: int = 1) -> np.nd
 
 def _flat(array: np.ndarray, axes: int) -> np.ndarray:
     """An array with one leading axis before its own, in the same memory where it lies in one piece."""
-    own = array.shape[array.ndim - axes :]
-    return array.reshape(prod(array.shape[: array.ndim - axes]), *own)
+    shape = array.shape[array.ndim - axes :]
+    return array.reshape(prod(array.shape[: array.ndim - axes]), *shape)

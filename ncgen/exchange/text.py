@@ -18,15 +18,15 @@ MAX_FILE_BYTES = 4_000_000
 
 def placed(name: str, line: int | None, message: str) -> str:
     """What is wrong with a file, in one line, with its name and where it has one the line."""
-    place = shortened(name, MAX_ECHO) + (": " if line is None else f", line {line}: ")
-    return place + shortened(message, LONGEST_LINE - len(place))
+    prefix = shortened(name, MAX_ECHO) + (": " if line is None else f", line {line}: ")
+    return prefix + shortened(message, LONGEST_LINE - len(prefix))
 
 
-def as_path(given: str | os.PathLike[str], what: str) -> Path:
+def as_path(path: str | os.PathLike[str], expected: str) -> Path:
     """A path. Raises ModelError, saying what is needed, for anything else."""
-    if isinstance(given, (str, os.PathLike)):
-        return Path(given)
-    raise ModelError(f"{shown(given)} given; give {what}")
+    if isinstance(path, (str, os.PathLike)):
+        return Path(path)
+    raise ModelError(f"{shown(path)} given; give {expected}")
 
 
 def why_no_file(path: Path, missing: str) -> str:

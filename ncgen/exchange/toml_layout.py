@@ -35,22 +35,22 @@ def layout(text: str) -> list[FileTable]:
     tables = [FileTable("", 1)]
     latest: dict[str, FileTable] = {}
     current: FileTable | None = tables[0]  # None within a table of a table, whose keys belong to one key
-    place, line, counted = 0, 1, 0
+    position, line, counted = 0, 1, 0
     while True:
-        if skipped := _SKIPPED.match(text, place):
-            place = skipped.end()
-        if place >= len(text):
+        if skipped := _SKIPPED.match(text, position):
+            position = skipped.end()
+        if position >= len(text):
             return tables
-        line, counted = line + text.count("\n", counted, place), place
-        bracket = re.compile(r"\[{1,2}").match(text, place)
-        name = _NAME.match(text, bracket.end() if bracket else place)
+        line, counted = line + text.count("\n", counted, position), position
+        bracket = re.compile(r"\[{1,2}").match(text, position)
+        name = _NAME.match(text, bracket.end() if bracket else position)
         if name is None:
             return tables
         word, inner = _plain(name[1]), name[3] and _plain(name[3])
         if bracket is None:
             if current is not None:
                 current.keys.setdefault(word, line)
-            place = _end_of_value(text, name.end() + 1)
+            position = _end_of_value(text, name.end() + 1)
             continue
         if inner is None or word not in latest:
             latest[word] = FileTable(word, line)
@@ -58,20 +58,20 @@ def layout(text: str) -> list[FileTable]:
         if inner is not None:
             latest[word].keys.setdefault(inner, line)
         current = latest[word] if inner is None else None
-        place = name.end() + len(bracket[0])
+        position = name.end() + len(bracket[0])
 
 
-def _end_of_value(text: str, place: int) -> int:
+def _end_of_value(text: str, position: int) -> int:
     """Where the line ends on which a value ends."""
     depth = 0
-    while piece := _VALUE.match(text, place):
+    while piece := _VALUE.match(text, position):
         if piece[0] == "\n" and depth == 0:
             break
         depth += (piece[0] in "[{") - (piece[0] in "]}")
-        place = piece.end()
-    return place
+        position = piece.end()
+    return position
 
 
-def _plain(part: str) -> str:
+def _plain(word: str) -> str:
     """A part of a key without its quotes."""
-    return part[1:-1] if part[0] in "\"'" else part
+    return word[1:-1] if word[0] in "\"'" else word

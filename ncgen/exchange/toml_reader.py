@@ -156,12 +156,12 @@ class _Reading:
         self, model: Model | None, word: str, table: FileTable, signature: inspect.Signature, contents: dict
     ) -> inspect.BoundArguments | None:
         """The arguments of a call, or None where they cannot be given: then that has been reported."""
-        place = f"{word}." if word else ""
+        prefix = f"{word}." if word else ""
         refused = False
         for key in contents:
             if key not in signature.parameters:
                 self._report(
-                    table.line_of(key), ModelError(f"{place}{shown_key(key)}: unknown; {self._suggest(key, signature.parameters)}")
+                    table.line_of(key), ModelError(f"{prefix}{shown_key(key)}: unknown; {self._suggest(key, signature.parameters)}")
                 )
                 refused = True
         arguments = {}
@@ -172,7 +172,7 @@ class _Reading:
                     refused = True
                 continue
             try:
-                arguments[key] = convert(model, parameter, contents[key], f"{place}{key}")
+                arguments[key] = convert(model, parameter, contents[key], f"{prefix}{key}")
             except ModelError as error:
                 self._report(table.line_of(key), error)
                 refused = True

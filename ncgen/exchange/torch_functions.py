@@ -136,8 +136,8 @@ def _autograd() -> Any:
             raise ModelError("ncgen.torch: motions have first derivatives only; take ncgen.hessian for second ones")
 
         @staticmethod
-        def vmap(info: Any, dims: Any, *given: Any) -> Any:
-            return mapped(Back, info, dims, *given)
+        def vmap(info: Any, dims: Any, *arguments: Any) -> Any:
+            return mapped(Back, info, dims, *arguments)
 
     class MotionInTorch(library.autograd.Function):
         @staticmethod
@@ -154,7 +154,7 @@ def _autograd() -> Any:
             return (None, *Back.apply(ctx.function, *ctx.saved_tensors, by_q, by_qd))
 
         @staticmethod
-        def vmap(info: Any, dims: Any, *given: Any) -> Any:
-            return mapped(MotionInTorch, info, dims, *given)
+        def vmap(info: Any, dims: Any, *arguments: Any) -> Any:
+            return mapped(MotionInTorch, info, dims, *arguments)
 
     return MotionInTorch

@@ -87,11 +87,11 @@ def _named(fact: Fact, key: str, unit: str, taken: set[str], made: list[Paramete
         return made[-1]
 
     if key in ("position", "field"):
-        if not isinstance(value, (list, tuple, np.ndarray)) or not all(is_number(part) for part in value):
+        if not isinstance(value, (list, tuple, np.ndarray)) or not all(is_number(number) for number in value):
             return value
         if key == "position" and len(value) != 2:
             return value
-        return [parameter(part, axis) if key == "position" or part else part for part, axis in zip(value, "xyz", strict=False)]
+        return [parameter(number, axis) if key == "position" or number else number for number, axis in zip(value, "xyz", strict=False)]
     return parameter(float(value)) if is_number(value) and not isinstance(value, bool) else value
 
 
@@ -107,4 +107,4 @@ def _wish(fact: Fact, key: str, axis: str) -> str:
         or ends
         or getattr(arguments.get("coordinate") or arguments.get("angle"), "name", fact.word)
     )
-    return ".".join(word(part, "parameter") for part in (*str(owner).split("."), key, axis) if part)
+    return ".".join(word(name, "parameter") for name in (*str(owner).split("."), key, axis) if name)

@@ -82,5 +82,5 @@ def is_required(parameter: inspect.Parameter) -> bool:
 
 
 def _for_files(signature: inspect.Signature) -> inspect.Signature:
-    given = [p for p in signature.parameters.values() if p.name != "self" and p.annotation not in INTERNAL]
-    return signature.replace(parameters=given)
+    parameters = [p for p in signature.parameters.values() if p.name != "self" and p.annotation not in INTERNAL]
+    return signature.replace(parameters=parameters)

@@ -15,7 +15,6 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from cffi import FFI
 
 from ncgen.errors import CompileError, NcgenError, shortened
 from ncgen.exchange.motion_functions import ArrayFunction
@@ -66,7 +65,7 @@ def _handler() -> tuple[InC, ...] | None:
     source = SOURCE.read_text(encoding="utf-8")
     files = {"c_api.h": header, SOURCE.name: source}
     try:
-        ffi, library = load(files, marked(source) + "void *ncgen_xla_call(void *call);", FFI())
+        ffi, library = load(files, marked(source) + "void *ncgen_xla_call(void *call);", None)
     except CompileError:
         return None
     library.ncgen_xla_filling = fill = _fill(ffi, library.NCGEN_XLA_LINE)

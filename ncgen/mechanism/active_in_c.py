@@ -59,7 +59,7 @@ class Active:
         def failed(kind: type[BaseException], error: BaseException, traceback: object) -> None:
             raised.append(error)
 
-        function = self._ffi.callback("int(void *, int)", call, error=DOMAIN, onerror=failed)
+        function = self._ffi.callback("int(*)(void *, int)", call, error=DOMAIN, onerror=failed)
         self._struct.find_loads = function
         status = self._library.ncgen_find_active(self._struct)
         if raised:

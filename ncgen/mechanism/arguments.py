@@ -26,63 +26,63 @@ ECHOED = 60
 """Characters of what was given that a message repeats."""
 
 
-def numbers(given: ArrayLike | None, what: str, complex_too: bool = False) -> np.ndarray:
+def numbers(values: ArrayLike | None, label: str, complex_too: bool = False) -> np.ndarray:
     """Real numbers as doubles, contiguous, of the shape they were given in; doubles that are so already as they are.
 
-    what: the argument's name in messages; complex_too: complex and longer numbers stay what they are
+    label: the argument's name in messages; complex_too: complex and longer numbers stay what they are
     Raises NcgenError for complex and masked numbers, rows of different lengths, None, texts and other things that are no numbers.
     """
-    if type(given) is np.ndarray and given.dtype == float and given.flags.carray:
-        return given
-    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
-        raise NcgenError(f"{what} has masked numbers; fill them")
+    if type(values) is np.ndarray and values.dtype == float and values.flags.carray:
+        return values
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise NcgenError(f"{label} has masked numbers; fill them")
     try:
-        array = np.asarray(given)
+        array = np.asarray(values)
     except ValueError:
-        raise NcgenError(f"{what} has rows of different lengths; give an array") from None
+        raise NcgenError(f"{label} has rows of different lengths; give an array") from None
     if array.dtype.kind == "c" and not complex_too:
-        raise NcgenError(f"{what} is complex; real numbers are needed here, kernels of backend='numpy' take complex ones")
+        raise NcgenError(f"{label} is complex; real numbers are needed here, kernels of backend='numpy' take complex ones")
     kind = Complex if complex_too else Real
     if array.dtype.kind not in "biufcO" or (array.dtype.kind == "O" and not all(isinstance(x, kind) for x in array.flat)):
-        echoed = repr(given).replace("\n", " ")
-        raise NcgenError(f"{what} has a value that is not a number: {echoed if len(echoed) <= ECHOED else echoed[:ECHOED] + '…'}")
+        echoed = repr(values).replace("\n", " ")
+        raise NcgenError(f"{label} has a value that is not a number: {echoed if len(echoed) <= ECHOED else echoed[:ECHOED] + '…'}")
     if array.dtype.kind == "O":
         try:
             array = array.astype(complex if any(np.iscomplexobj(x) for x in array.flat) else float)
         except OverflowError:
-            raise NcgenError(f"{what} has a number beyond 1.8e308; give one that a double can hold") from None
+            raise NcgenError(f"{label} has a number beyond 1.8e308; give one that a double can hold") from None
     dtype = np.result_type(float, array.dtype) if complex_too else np.dtype(float)
     return np.require(array, dtype, ["C", "A"]).reshape(array.shape)
 
 
-def sized(values: ArrayLike | None, count: int, what: str, complex_too: bool = False) -> np.ndarray:
+def sized(values: ArrayLike | None, count: int, label: str, complex_too: bool = False) -> np.ndarray:
     """Real numbers (…, count) as `numbers` gives them.
 
     Raises NcgenError for another last axis, with both shapes, and what `numbers` raises.
     """
-    array = numbers(values, what, complex_too)
+    array = numbers(values, label, complex_too)
     if array.shape[-1:] != (count,):
-        raise NcgenError(f"{what} has the shape {array.shape}; give (…, {count})")
+        raise NcgenError(f"{label} has the shape {array.shape}; give (…, {count})")
     return array
 
 
-def place(array: object, shape: tuple[int, ...], what: str, other_arrays: Iterable[np.ndarray] = ()) -> np.ndarray:
+def place(array: object, shape: tuple[int, ...], label: str, other_arrays: Iterable[np.ndarray] = ()) -> np.ndarray:
     """The array itself, where C may write. Raises NcgenError for another one, or one that shares memory with `other_arrays`."""
     if not (isinstance(array, np.ndarray) and array.dtype == float and array.flags.carray and array.shape == shape):
-        raise NcgenError(f"{what} must be a contiguous array of {shape} doubles that may be written to")
+        raise NcgenError(f"{label} must be a contiguous array of {shape} doubles that may be written to")
     if any(np.may_share_memory(array, other) for other in other_arrays):
-        raise NcgenError(f"{what} shares memory with an argument; give an array of its own")
+        raise NcgenError(f"{label} shares memory with an argument; give an array of its own")
     return array
 
 
-def laid(values: ArrayLike, dtype: DTypeLike, count: int, what: str) -> np.ndarray:
+def laid(values: ArrayLike, dtype: DTypeLike, count: int, label: str) -> np.ndarray:
     """Real numbers (…, count) as C reads them: contiguous, of its type. Raises NcgenError as `sized` does."""
     if type(values) is np.ndarray and values.dtype == dtype and values.flags.carray and values.shape[-1:] == (count,):
         return values
-    return np.ascontiguousarray(sized(values, count, what), dtype=dtype)
+    return np.ascontiguousarray(sized(values, count, label), dtype=dtype)
 
 
-def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]", count: int | None = None, what: str = "an array") -> InC:
+def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]", count: int | None = None, label: str = "an array") -> InC:
     """An array as an argument in C, which keeps it alive; NULL for None.
 
     kind: of an array in C; count: numbers that C reads or writes, None where ncgen has just made the array for this call
@@ -93,9 +93,9 @@ def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]", co
     dtype = DTYPES.get(kind) or _dtype(ffi, kind)
     if type(array) is not np.ndarray or array.dtype != dtype or not (array.flags.carray or _is_laid(array.flags)):
         description = f"{array.dtype}, strides {array.strides}" if isinstance(array, np.ndarray) else ""
-        raise NcgenError(f"{what}: {type(array).__name__} {description} on its way to C; a contiguous array of {dtype} is needed")
+        raise NcgenError(f"{label}: {type(array).__name__} {description} on its way to C; a contiguous array of {dtype} is needed")
     if count is not None and array.size != count:
-        raise NcgenError(f"{what}: {counted(array.size, 'number')} on their way to C, which takes {count}")
+        raise NcgenError(f"{label}: {counted(array.size, 'number')} on their way to C, which takes {count}")
     return ffi.from_buffer(kind, array)
 
 

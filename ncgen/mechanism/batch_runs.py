@@ -149,8 +149,8 @@ class LaneDynamics:
         Other arguments as for `simulate`; rows of states that failed become NaN.
         """
         status = np.zeros(len(q), dtype=np.intc)
-        places = [(array, "double[]") for array in out] + [(status, "int[]")]
-        self._call(self._library.ncgen_batch_accelerate, options, (q, zd, p), (t,), places, threads)
+        outputs = [(array, "double[]") for array in out] + [(status, "int[]")]
+        self._call(self._library.ncgen_batch_accelerate, options, (q, zd, p), (t,), outputs, threads)
         if status.any():
             for array in (a for a in out if a is not None):
                 array[status != 0] = np.nan
@@ -163,7 +163,7 @@ class LaneDynamics:
         counts = {"q": (q, kernels.n), "zd": (zd, len(self.split.independent)), "p": (p, len(kernels.p0))}
         laid_out = [laid(array, float, count, f"{kernels.name}: {name}") for name, (array, count) in counts.items()]
         if len({len(array) for array in laid_out if array.ndim == 2}) != 1:
-            raise NcgenError(f"{kernels.name}: q, zd and p have {[array.shape for array in laid_out]}; a row a state is needed")
+            raise NcgenError(f"{kernels.name}: q, zd and p have {[array.shape for array in laid_out]}; one row for each state is needed")
         return laid_out
 
     def _call(
@@ -179,8 +179,8 @@ class LaneDynamics:
         q, zd, p = self._checked(*state)
         threads = thread_count(threads, self.kernels.name) if self.has_threads else 1
         work = aligned(threads * self._library.ncgen_batch_run_workspace(self._model, self._dynamics))
-        place = partial(pointer, self._ffi)  # out was made here, or has gone through `arguments.place`
+        in_c = partial(pointer, self._ffi)  # out was made here, or has gone through `arguments.place`
         return function(
-            self._model, self._dynamics, self._ffi.new("ncgen_options *", options), len(q), place(q), place(zd), place(p),
-            p.shape[-1] * (p.ndim - 1), *instants, *(place(array, kind) for array, kind in out), threads, place(work),
+            self._model, self._dynamics, self._ffi.new("ncgen_options *", options), len(q), in_c(q), in_c(zd), in_c(p),
+            p.shape[-1] * (p.ndim - 1), *instants, *(in_c(array, kind) for array, kind in out), threads, in_c(work),
         )  # fmt: skip

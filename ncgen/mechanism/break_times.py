@@ -89,16 +89,16 @@ def breaks_of_laws(kernels: Kernels, laws: TimeLaws, start: float, end: float) -
 
 def _of_laws(laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float, driven: Collection[int]) -> np.ndarray:
     """The breaks of the model's own laws, (K, 2) in no order. driven: positions in p of what changes otherwise"""
-    given: dict[ArrayElement, float] = {ArrayElement("p", k): float(p[k]) for k in laws.parameters}
-    lines = _straight_lines(laws.ops, given, driven)
+    inputs: dict[ArrayElement, float] = {ArrayElement("p", k): float(p[k]) for k in laws.parameters}
+    lines = _straight_lines(laws.ops, inputs, driven)
     breaks = [NO_BREAKS]
-    for switch, times in _by_switch(laws, lines, given, start, end, gap):
+    for switch, times in _by_switch(laws, lines, inputs, start, end, gap):
         half = gap if switch.jumps else 0.0
         breaks.append(NO_BREAKS if times is None else np.column_stack([times - half, times + half]))
-    places = np.concatenate(breaks).ravel()
+    known_breaks = np.concatenate(breaks).ravel()
     for node in laws.narrow:
         if lines[node] is True:
-            times = quick_changes(*_cut(laws.ops, lines, node), given, start, end, places)
+            times = quick_changes(*_cut(laws.ops, lines, node), inputs, start, end, known_breaks)
             breaks.append(np.column_stack([times, times]))
     return np.concatenate(breaks)
 
@@ -142,12 +142,12 @@ def switch_times(
 
     gap (s): what is left out on both sides of other breaks; driven: positions in p of what changes otherwise
     """
-    given: dict[ArrayElement, float] = {ArrayElement("p", k): float(p[k]) for k in laws.parameters}
-    yield from _by_switch(laws, _straight_lines(laws.ops, given, driven), given, start, end, gap)
+    inputs: dict[ArrayElement, float] = {ArrayElement("p", k): float(p[k]) for k in laws.parameters}
+    yield from _by_switch(laws, _straight_lines(laws.ops, inputs, driven), inputs, start, end, gap)
 
 
 def _by_switch(
-    laws: TimeLaws, lines: Sequence[Line], given: Mapping[ArrayElement, float], start: float, end: float, gap: float
+    laws: TimeLaws, lines: Sequence[Line], inputs: Mapping[ArrayElement, float], start: float, end: float, gap: float
 ) -> Iterator[tuple[Switch, np.ndarray | None]]:
     """As of `switch_times`; lines: what the nodes are over time."""
     rounding = DOUBLE * max(abs(start), abs(end))
@@ -160,14 +160,14 @@ def _by_switch(
             times = _on_a_line(*line, switch.pieces, start, end)
         else:
             inner = np.unique(np.concatenate([np.empty(0), *(times_of[k] for k in switch.inner)]))
-            times = _on_a_curve(laws.ops, switch, given, _intervals(inner, start, end, gap), rounding)
+            times = _on_a_curve(laws.ops, switch, inputs, _intervals(inner, start, end, gap), rounding)
         if times is not None:
             times = times[(times >= start) & (times <= end)]
         times_of.append(np.empty(0) if times is None else times)
         yield switch, times
 
 
-def _straight_lines(ops: Sequence[Op], given: Mapping[ArrayElement, float], driven: Collection[int]) -> list[Line]:
+def _straight_lines(ops: Sequence[Op], inputs: Mapping[ArrayElement, float], driven: Collection[int]) -> list[Line]:
     """For every node a and b where it is a t + b, True where it is another function of time, None where an input drives it."""
     lines: list[Line] = []
     for op in ops:
@@ -176,7 +176,7 @@ def _straight_lines(ops: Sequence[Op], given: Mapping[ArrayElement, float], driv
             lines.append((0.0, op.value))
         elif op.code == "load":
             unknown = op.input.array == "p" and op.input.position in driven
-            lines.append(None if unknown else (1.0, 0.0) if op.input == TIME else (0.0, given[op.input]))
+            lines.append(None if unknown else (1.0, 0.0) if op.input == TIME else (0.0, inputs[op.input]))
         elif None in arguments:
             lines.append(None)
         else:
@@ -231,31 +231,31 @@ def _numbers(pieces: Pieces, low: np.ndarray, high: np.ndarray) -> tuple[np.ndar
 
 def _intervals(breaks: np.ndarray, start: float, end: float, gap: float) -> tuple[np.ndarray, np.ndarray]:
     """The parts of a run between breaks, without what lies about these."""
-    places = np.concatenate([[start], breaks[(breaks > start) & (breaks < end)], [end]])
-    is_break = np.isin(places, breaks)
-    low, high = places[:-1] + gap * is_break[:-1], places[1:] - gap * is_break[1:]
+    ends = np.concatenate([[start], breaks[(breaks > start) & (breaks < end)], [end]])
+    is_break = np.isin(ends, breaks)
+    low, high = ends[:-1] + gap * is_break[:-1], ends[1:] - gap * is_break[1:]
     return low[low < high], high[low < high]
 
 
 def _on_a_curve(
-    ops: Sequence[Op], switch: Switch, given: Mapping[ArrayElement, float], intervals: tuple[np.ndarray, np.ndarray], rounding: float
+    ops: Sequence[Op], switch: Switch, inputs: Mapping[ArrayElement, float], intervals: tuple[np.ndarray, np.ndarray], rounding: float
 ) -> np.ndarray | None:
     """When any function of time passes knots, None where that is too often: intervals are halved until none has a knot in its range, or
     the function rises or falls in it. Where even the narrowest tell neither, or there are too many, the values at their ends decide."""
-    if switch.slope is None:
+    if switch.derivative is None:
         return np.empty(0)
     low, high = intervals
     parts: list[np.ndarray] = []
-    bounds = partial(ranges, ops, (switch.argument, switch.slope))
+    bounds = partial(ranges, ops, (switch.argument, switch.derivative))
     while len(low):
-        bound = {key: (np.asarray(value), np.asarray(value)) for key, value in given.items()}
+        bound = {key: (np.asarray(value), np.asarray(value)) for key, value in inputs.items()}
         (least, most), (falls, rises) = (np.broadcast_arrays(*each, low)[:2] for each in bounds({**bound, TIME: (low, high)}))
         slack = 1e-14 * np.maximum(np.abs(least), np.abs(most))
         inside = levels_below(switch.pieces, most + slack, "right") > levels_below(switch.pieces, least - slack, "left")
         inside = (least < most) & (inside | ~np.isfinite(slack))
         narrow = high - low <= MIN_INTERVAL_ROUNDINGS * rounding
         decided = (falls > 0) | (rises < 0) | narrow | (np.count_nonzero(inside) > MOST_INTERVALS)
-        times = _between(ops, switch, given, low[inside & decided], high[inside & decided], rounding)
+        times = _between(ops, switch, inputs, low[inside & decided], high[inside & decided], rounding)
         if times is None or sum(map(len, parts)) + len(times) > MOST_BREAKS:
             return None
         parts.append(times)
@@ -266,11 +266,11 @@ def _on_a_curve(
 
 
 def _between(
-    ops: Sequence[Op], switch: Switch, given: Mapping[ArrayElement, float], low: np.ndarray, high: np.ndarray, rounding: float
+    ops: Sequence[Op], switch: Switch, inputs: Mapping[ArrayElement, float], low: np.ndarray, high: np.ndarray, rounding: float
 ) -> np.ndarray | None:
     """When the argument passes the knots between its values at the ends of intervals, by bisection; None where that is too often."""
     at = partial(values, ops, switch.argument)
-    first, last = (np.broadcast_to(at({**given, TIME: t}), t.shape) for t in (low, high))
+    first, last = (np.broadcast_to(at({**inputs, TIME: t}), t.shape) for t in (low, high))
     known = np.isfinite(first) & np.isfinite(last)
     low, high, first, last = low[known], high[known], first[known], last[known]
     passed = _numbers(switch.pieces, np.minimum(first, last), np.maximum(first, last))
@@ -284,7 +284,7 @@ def _between(
         moves = (middle > low) & (middle < high) & (high - low > rounding / 4)
         if not np.any(moves):
             break
-        beyond = side * (at({**given, TIME: middle}) - knots) >= 0
+        beyond = side * (at({**inputs, TIME: middle}) - knots) >= 0
         low, high = np.where(moves & ~beyond, middle, low), np.where(moves & beyond, middle, high)
     return high
 

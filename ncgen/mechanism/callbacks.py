@@ -32,11 +32,11 @@ class ExternalForces(InPython):
         def external(t: float, q: InC, qd: InC, p: InC, forces: InC) -> int:
             if thread.raised is not None:
                 return INTERRUPTED
-            places = thread.places or nowhere
-            if q != places[0] or qd != places[1] or forces != places[2]:
-                thread.places = places = q, qd, forces, array(q, n), array(qd, n), array(forces, n)
+            buffers = thread.buffers or nowhere
+            if q != buffers[0] or qd != buffers[1] or forces != buffers[2]:
+                thread.buffers = buffers = q, qd, forces, array(q, n), array(qd, n), array(forces, n)
             numbers = array(p, n_p) if n_p else kernels.p0
-            places[5][:] = force(t, places[3].copy(), places[4].copy(), numbers)  # copies: a callback may keep its arguments
+            buffers[5][:] = force(t, buffers[3].copy(), buffers[4].copy(), numbers)  # copies: a callback may keep its arguments
             return 0
 
         self.function: InC = self._own_function(kernels) or self.put(external, "ncgen_velocity_kernel *")
@@ -66,14 +66,14 @@ class ExternalForces(InPython):
         made.damping = self.kernel(("t", "q", "qd", "p"), n * n, damping)
         return made
 
-    def _derivative(self, t: float, state: tuple[np.ndarray, np.ndarray], p: np.ndarray, part: int) -> np.ndarray:
-        """∂force/∂q (part 0) or ∂force/∂q̇ (part 1), (n, n), by forward differences."""
+    def _derivative(self, t: float, state: tuple[np.ndarray, np.ndarray], p: np.ndarray, index: int) -> np.ndarray:
+        """∂force/∂q (index 0) or ∂force/∂q̇ (index 1), (n, n), by forward differences."""
         force, sizes = self._kernels.external_force, self._kernels.column_sizes
         at = force(t, state[0].copy(), state[1].copy(), p)
         full = np.empty((len(at), len(at)))
-        for k, step in enumerate(ROUNDING * (sizes + np.abs(state[part]))):
+        for k, step in enumerate(ROUNDING * (sizes + np.abs(state[index]))):
             moved = [x.copy() for x in state]
-            moved[part][k] += step
+            moved[index][k] += step
             full[:, k] = (force(t, moved[0], moved[1], p) - at) / step
         return full
 

@@ -40,8 +40,8 @@ class Chain:
 
     def look(self) -> None:
         """See where conditions are now."""
-        for place, array in zip((self._pairs[::2], self._scales), self._read(), strict=True):
-            place[:] = array[: self._count]
+        for target, array in zip((self._pairs[::2], self._scales), self._read(), strict=True):
+            target[:] = array[: self._count]
 
     def follow(self, due: Iterable[int], act: Callable[[tuple[int, ...]], None]) -> bool:
         """What is due happens, and what that brings about; act does what events of some numbers do.
@@ -69,18 +69,18 @@ class Chain:
 
         gaps, keeps (C,): whether an event has an impact, and whether its gap does not change; signs (C,): where conditions go on
         """
-        own = np.ascontiguousarray(rates[: self._count])
+        condition_rates = np.ascontiguousarray(rates[: self._count])
         masks = [np.array(mask, dtype=np.intc) for mask in (gaps, keeps, signs[: self._count])]
         arguments = [pointer(self._ffi, mask, "int[]") for mask in masks]
-        first = self._library.ncgen_find_first(self._struct, pointer(self._ffi, own), *arguments)
+        first = self._library.ncgen_find_first(self._struct, pointer(self._ffi, condition_rates), *arguments)
         signs[: self._count] = masks[-1]
         return int(first)
 
     def set_sides(self, signs: np.ndarray) -> None:
         """Write where conditions go on into signs (C,) or more."""
-        own = np.array(signs[: self._count], dtype=np.intc)
-        self._library.ncgen_set_sides(self._struct, pointer(self._ffi, own, "int[]"))
-        signs[: self._count] = own
+        sides = np.array(signs[: self._count], dtype=np.intc)
+        self._library.ncgen_set_sides(self._struct, pointer(self._ffi, sides, "int[]"))
+        signs[: self._count] = sides
 
     def _called(self, function: Callable[[], None]) -> InC:
         def call(_: InC) -> int:
@@ -90,7 +90,7 @@ class Chain:
         def failed(kind: type[BaseException], raised: BaseException, traceback: object) -> None:
             self._raised.append(raised)
 
-        return self._ffi.callback("int(void *)", call, error=DOMAIN, onerror=failed)
+        return self._ffi.callback("int(*)(void *)", call, error=DOMAIN, onerror=failed)
 
 
 def is_zero(value: float, scale: float) -> bool:

@@ -130,7 +130,7 @@ def formula_arrays(table: FormulaTable, count: int, degree: int) -> tuple[dict[s
     count: conditions, those behind the table's having no formulas; degree: LINEAR or QUADRATIC
     """
     lengths = [*map(len, table.formulas), *[0] * (count - len(table.formulas))]
-    operations = [part for formula in table.formulas for operation in formula for part in operation]
+    operations = [number for formula in table.formulas for operation in formula for number in operation]
     integers = {"first": np.cumsum([0, *lengths]).tolist(), "operations": operations, "inputs": [*table.inputs] or [0]}
     numbers = {"numbers": [*table.numbers] or [0.0], "through": np.ravel(chebyshev(degree)).tolist(), "cosines": cosines(degree)}
     return integers, numbers, {"values": max(2 * (degree + 1) * len(table.inputs), 1), "workspace": 16 * max(lengths)}

@@ -39,9 +39,9 @@ class ConstrainedDynamics(Dynamics):
         number: str = "double",
         samples_of: Callable[[], Seen | None] | None = None,
         tables: TreeTables | None = None,
-        part: Part = "explicit",
+        component: Part = "explicit",
     ) -> None:
-        runtime = compiling_thread(number, part)
+        runtime = compiling_thread(number, component)
         runtime.start()
         motion = None if samples_of is None else self._written_out(kernels, number, samples_of)
         runtime.join()

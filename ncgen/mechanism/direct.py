@@ -76,10 +76,10 @@ class Direct:
         elif value is getattr(self, name, None):
             pass  # what `direct.q += 1` does at its end
         elif name in ("q", "qd", "p"):
-            place, given = getattr(self, name), numbers(value, f"{self._name}: {name}")
-            if given.shape != place.shape:
-                raise NcgenError(f"{self._name}: {name} has shape {given.shape}; {place.shape} is needed")
-            place[:] = given
+            array, values = getattr(self, name), numbers(value, f"{self._name}: {name}")
+            if values.shape != array.shape:
+                raise NcgenError(f"{self._name}: {name} has shape {values.shape}; {array.shape} is needed")
+            array[:] = values
         else:
             raise NcgenError(f"{self._name}: {name} cannot be replaced; q, qd, p and t are the arguments, out is where C writes")
 

@@ -59,11 +59,11 @@ def after_jump(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float) -> floa
     return float(jumps[-1, 1]) if len(jumps) and jumps[0, 0] - gap <= t else t
 
 
-def refuse_jumps(kernels: Kernels, p: np.ndarray, q: np.ndarray, breaks: np.ndarray, what: str) -> None:
-    """Raise ModelError where a driver's velocity jumps in a run; what: that does not go through such a jump. Else as `driver_jumps`."""
+def refuse_jumps(kernels: Kernels, p: np.ndarray, q: np.ndarray, breaks: np.ndarray, subject: str) -> None:
+    """Raise ModelError where a driver's velocity jumps in a run; subject: that does not go through such a jump. Else as `driver_jumps`."""
     if len(jumps := driver_jumps(kernels, p, q, breaks)):
         raise ModelError(
-            f"{kernels.name}: the velocity of a driver jumps at t = {jumps[0].mean():.6g} s, and {what} do not go through that impulse; "
+            f"{kernels.name}: the velocity of a driver jumps at t = {jumps[0].mean():.6g} s, and {subject} do not go through that impulse; "
             "round the law, by ncgen.smooth_step or m.spline, or end before"
         )
 

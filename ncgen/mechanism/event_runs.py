@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions, Watched
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+from ncgen.mechanism.driving import Driver, Function, InputPieces
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.runtime_library import event_runtime
 from ncgen.toolchain.abi import NUMBERS, InC
@@ -28,9 +29,11 @@ class EventsInC:
 
     actions: (event, name of its kind in C, place, value); law: of several impacts, its name in C; most: velocities that one event sets, or
     the number of events if that is more; n_values: numbers that actions set; watched: the conditions; noise: of these within a step
-    slopes, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed, in modes
+    derivatives, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed, in modes
     held: what may be held, the members of `ncgen_hold`, the mechanism for it, and how many conditions its loads have; None: modes
-    n_velocities: so many conditions, the last ones, are those of joints
+    follows_loads: whether friction of joints does
+    n_velocities: so many conditions, the last ones, are those of joints, contacts and ratchets
+    rubbings: contacts with friction, the members of `ncgen_rubbing`; sliding: the address of their velocities, and how many these are
     """
 
     directions: Sequence[int]
@@ -40,12 +43,15 @@ class EventsInC:
     n_values: int
     watched: Conditions
     noise: float
-    slopes: int
+    derivatives: int
     rates: int
     values: int
     holds: bool
     held: tuple[Sequence[tuple[str, int, int, int, int, int, int]], HeldGaps, int] | None = None
+    follows_loads: bool = False
     n_velocities: int = 0
+    rubbings: Sequence[Mapping[str, Any]] = ()
+    sliding: tuple[int, int] = (0, 0)
 
     @property
     def count(self) -> int:
@@ -53,30 +59,45 @@ class EventsInC:
         return len(self.directions)
 
     @property
+    def n_holds(self) -> int:
+        """How many things may be held in one mechanism with switches."""
+        return len(self.held[0]) if self.held else 0
+
+    @property
     def most_watched(self) -> int:
         """Conditions that are watched at most: these, and those of the loads that hold gaps and joints."""
         return self.count + (self.held[2] if self.held else self.count)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class HeldGaps:
     """A mode: numbers of the events whose gaps are held, the mechanism that moves then, the rank of its Φ_q, and the address of the
-    conditions with the loads behind them."""
+    conditions with the loads behind them; friction: the address of that which follows loads, 0 for none."""
 
     held: tuple[int, ...]
     dynamics: ConstrainedDynamics
     rank: int
     conditions: int
+    friction: int = 0
+
+    def described(self) -> tuple[InC, InC]:
+        """The model and its dynamics, for C."""
+        ffi, _ = self.dynamics.interface
+        model, described = self.dynamics.described(self.rank)
+        if self.friction:
+            described.external, described.conservative = ffi.cast("ncgen_velocity_kernel *", self.friction), 0
+        return model, described
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Note:
-    """What happened at an event of motion `owner`; what: 0 it happened, 1 its gap rests, 2 it leaves; cause: 0 by its condition, 1 at the
-    start, 2 it follows from others, 3 by its load; limit: s, or None; other members as of `Happening`."""
+    """What happened at an event of motion `owner`, or from the number of the conditions on to what may be held; what: 0 it happened, 1 it
+    is held from now on, 2 no longer, 3 a joint turns; cause: 0 by its condition, 1 at the start, 2 it follows from others, 3 by its load;
+    limit: s, or None; other members as of `Happening`."""
 
     owner: int
     event: int
-    what: int
+    transition: int
     cause: int
     t: float
     impulse: float
@@ -89,9 +110,10 @@ class Note:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MotionRows:
-    """Where motions begin and what becomes of them.
+    """Where motions begin, what drives them, and what becomes of them.
 
     times (points,): s; q, qd (B, n), p (B, n_p): starts; out_q, out_qd (B, points, n), out_work (B, points)
+    inputs: as of `Dynamics.simulate`, the same for all; breaks (B,): of each those of its laws (K, 2), s; () where nothing depends on time
     rows, steps (B,): how many there are; ended (B,): s
     """
 
@@ -105,6 +127,8 @@ class MotionRows:
     rows: np.ndarray
     steps: np.ndarray
     ended: np.ndarray
+    inputs: Sequence[InputPieces | Function | None] = ()
+    breaks: Sequence[np.ndarray] = ()
 
 
 class EventRuns:
@@ -125,16 +149,19 @@ class EventRuns:
         kernels = mechanism.dynamics.kernels
         self._n, self._n_p, self._modes = kernels.n, len(kernels.p0), [mechanism]
         self._wanted, self._mode, self._stopped = self._integers(2 * table.count), self._integers(1), self._integers(1)
-        settings = self._settings(options, sizes)
+        driving = self._driving(motions)
+        settings = self._settings({**options, "signals": driving["signals"]} if driving else options, sizes)
         self._events = self._new("ncgen_events *", **self._described(table))
         self._rows = np.zeros((NOTES, STATE + 3 * self._n))
         sampled = self._watched.struct.formulas.sampled if self._watched.struct.formulas else self._ffi.NULL
-        due = self._ints(np.zeros(table.count))
+        due = self._ints(np.ones(table.count + table.n_holds))
         self._log = self._new("ncgen_log *", room=NOTES, due=due, sampled=sampled, rows=pointer(self._ffi, self._rows.ravel()))
-        model, described = mechanism.dynamics.described(mechanism.rank)
+        model, described = mechanism.described()
         self._kept.append(described)
         driven = {"model": model, "dynamics": described, "options": settings}
-        self._runs = self._new("ncgen_event_runs *", driven=driven, events=self._events, passage=self._passage(), **self._room_of(motions))
+        self._runs = self._new(
+            "ncgen_event_runs *", driven=driven, events=self._events, passage=self._passage(), **self._room_of(motions), **driving
+        )
         self._make_room()
 
     # -- memory ----------------------------------------------------------------------------------------------------------------------------
@@ -181,17 +208,29 @@ class EventRuns:
         callbacks = {"progress": watch("double"), "context": self._context, "attempts_left": self.listener.attempts}
         return self._new("ncgen_options *", event=self._watched.struct, **callbacks, **more, **options)
 
+    def _driving(self, motions: MotionRows) -> dict[str, Any]:
+        """What drives motions; {} where nothing does."""
+        if not any(motions.inputs) and not any(map(len, motions.breaks)):
+            return {}
+        driver, ends = Driver(motions.inputs, NUMBERS["double"]), [np.ravel(each) for each in motions.breaks]
+        signals = driver.signals(self._library.ncgen_piecewise_inputs)
+        self._kept += [driver, signals]
+        first = np.cumsum([0, *map(len, ends)])
+        return {"signals": signals, "first_break": self._ints(first), "breaks": self._reals(np.concatenate([*ends, [0.0]]))}
+
     def _passage(self) -> dict[str, Any]:
         """What C knows of the events of the present motion."""
         table, count = self._table, self._table.count
-        workspace = self._library.ncgen_events_workspace(count, table.most, self._n, table.n_values)
+        values = table.n_values + (self._n + 1) * table.sliding[1]
+        workspace = self._library.ncgen_events_workspace(count, table.most, self._n, values)
         due = self._library.ncgen_events_integers(count)
         return {
             "signs": self._watched.struct.signs, "happened": self._ints(np.zeros(count)), "due": self._ints(np.zeros(due)),
             "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
             "directions": self._ints(np.zeros(table.most_watched)), "wanted": self._at(self._wanted),
             "room": self._reals(np.zeros(2 * self._n + 2 * table.most_watched)), "log": self._log,
-            "flags": self._ints(np.zeros(self._library.ncgen_held_integers(len(table.held[0]) if table.held else 0))),
+            "ways": self._reals(np.zeros(max(2 * table.n_holds, 1))),
+            "flags": self._ints(np.zeros(self._library.ncgen_held_integers(table.n_holds))),
         }  # fmt: skip
 
     def _room_of(self, motions: MotionRows) -> dict[str, Any]:
@@ -211,17 +250,25 @@ class EventRuns:
 
     def _described(self, table: EventsInC) -> dict[str, Any]:
         rows = [
-            {"event": event, "kind": getattr(self._library, kind), "place": place, "value": value}
-            for event, kind, place, value in table.actions
+            {"event": event, "kind": getattr(self._library, kind), "place": position, "value": value}
+            for event, kind, position, value in table.actions
         ]
         actions = self._ffi.new("ncgen_action[]", rows)
         self._kept.append(actions)
         return {
             "count": table.count, "most": table.most, "n_actions": len(rows), "law": getattr(self._library, table.law),
             "directions": self._ints(table.directions), "actions": actions, "conditions": self._function(table.watched.function or 0),
-            "slopes": self._function(table.slopes), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
-            "values": self._function(table.values), "noise": table.noise, **(self._held_in_c(table) or self._modes_in_c(table.holds)),
+            "derivatives": self._function(table.derivatives), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
+            "values": self._function(table.values), "noise": table.noise, "n_velocities": table.n_velocities, **self._rubbings_in_c(table),
+            **(self._held_in_c(table) or self._modes_in_c(table.holds)),
         }  # fmt: skip
+
+    def _rubbings_in_c(self, table: EventsInC) -> dict[str, Any]:
+        """Contacts with friction as C has them."""
+        rubbings = self._ffi.new("ncgen_rubbing[]", list(table.rubbings))
+        self._kept.append(rubbings)
+        address, count = table.sliding
+        return {"n_rubbings": len(table.rubbings), "rubbings": rubbings, "n_sliding": count, "sliding": self._function(address)}
 
     def _held_in_c(self, table: EventsInC) -> dict[str, Any]:
         """What may be held in one mechanism with switches, as C has it."""
@@ -230,11 +277,11 @@ class EventRuns:
         holds, mechanism, loads = table.held
         names = ("condition", "on", "held", "value", "slip", "load")
         rows = [{"kind": getattr(self._library, kind), **dict(zip(names, rest, strict=True))} for kind, *rest in holds]
-        model, dynamics = mechanism.dynamics.described(mechanism.rank)
+        model, dynamics = mechanism.described()
         members = {"holds": self._ffi.new("ncgen_hold[]", rows), "held_model": model, "held_dynamics": dynamics}
         self._kept.append(members)
         self._modes.append(mechanism)
-        counts = {"n_velocities": table.n_velocities, "n_holds": len(rows), "n_loads": loads}
+        counts = {"n_holds": len(rows), "n_loads": loads, "follows_loads": table.follows_loads, "rubs": mechanism.friction != 0}
         return {**members, **counts, "held_conditions": self._function(mechanism.conditions)}
 
     def _modes_in_c(self, holds: bool) -> dict[str, Any]:
@@ -243,7 +290,7 @@ class EventRuns:
             return {"n_modes": 0}
         described: list[dict[str, Any]] = [{"count": 0}]
         for mode in self._modes[1:]:
-            model, dynamics = mode.dynamics.described(mode.rank)
+            model, dynamics = mode.described()
             self._kept.append(dynamics)
             described.append({
                 "count": len(mode.held), "held": self._ints(mode.held), "model": model, "dynamics": dynamics,
@@ -257,7 +304,7 @@ class EventRuns:
         runs, library, ffi = self._runs, self._library, self._ffi
         sizes, rows = [], 0
         for mode in self._modes:
-            model, dynamics = mode.dynamics.described(mode.rank)
+            model, dynamics = mode.described()
             driven = ffi.new("ncgen_driven *", {"model": model, "dynamics": dynamics, "options": runs.driven.options})
             sizes += [library.ncgen_driven_workspace(driven), library.ncgen_workspace(model, dynamics, runs.driven.options)]
             rows = max(rows, mode.dynamics.kernels.m)
@@ -315,14 +362,14 @@ class EventRuns:
         rows, self._log.count = self._rows[: self._log.count].copy(), 0
         n, notes = self._n, []
         for row in rows:
-            owner, event, what, how, t, impulse, lost, limit = row[:STATE].tolist()
+            owner, event, transition, how, t, impulse, lost, limit = row[:STATE].tolist()
             q, before, after = (row[STATE + k * n : STATE + (k + 1) * n] for k in range(3))
             ends = None if limit < 0 else t + limit
             notes.append(
                 Note(
                     owner=int(owner),
                     event=int(event),
-                    what=int(what),
+                    transition=int(transition),
                     cause=int(how),
                     t=t,
                     impulse=impulse,

@@ -89,14 +89,14 @@ def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, t
     )
 
 
-def set_rates(responses: np.ndarray, places: list[int], wanted: np.ndarray, qd: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, int]:
+def set_rates(responses: np.ndarray, positions: list[int], wanted: np.ndarray, qd: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, int]:
     """Velocities (n,) of which those at some places (k,) are what is wanted, by the least kinetic energy of the change.
 
     responses (n, k): changes by unit impulses along these; qd, sizes (n,). Returns also the number of the place that cannot become that,
     or −1.
     """
-    ffi, after, own = interface_of("double"), qd.copy(), np.ascontiguousarray(responses.T)
-    numbers = [pointer(ffi, np.ascontiguousarray(each)) for each in (wanted, sizes, own, after)]
-    chosen = pointer(ffi, np.array(places, dtype=np.intc), "int[]")
-    failed = runtime_of("double", "events").ncgen_set_rates(len(qd), len(places), chosen, 1, *numbers)
+    ffi, after, transposed = interface_of("double"), qd.copy(), np.ascontiguousarray(responses.T)
+    numbers = [pointer(ffi, np.ascontiguousarray(each)) for each in (wanted, sizes, transposed, after)]
+    chosen = pointer(ffi, np.array(positions, dtype=np.intc), "int[]")
+    failed = runtime_of("double", "events").ncgen_set_rates(len(qd), len(positions), chosen, 1, *numbers)
     return after, int(failed)

@@ -32,7 +32,7 @@ class _Thread(threading.local):
     """
 
     raised: BaseException | None = None
-    places: tuple[Any, ...] | None = None
+    buffers: tuple[Any, ...] | None = None
 
 
 class InPython:
@@ -57,9 +57,9 @@ class InPython:
         """What a function raised on this thread since `begin`, or None."""
         return self.thread.raised
 
-    def array(self, place: InC, count: int) -> np.ndarray:
+    def array(self, address: InC, count: int) -> np.ndarray:
         """The numbers (count,) in C's memory."""
-        return np.frombuffer(self.ffi.buffer(place, 8 * count))
+        return np.frombuffer(self.ffi.buffer(address, 8 * count))
 
     def put(self, function: Callable[..., int], kind: str) -> InC:
         """A function for a table of C, which lives as long as this object; kind: its type there."""
@@ -70,10 +70,10 @@ class InPython:
         """A kernel of C: function(t, *arrays) returns `size` numbers; inputs: what it takes, by name."""
         counts, thread, array = [self.counts[name] for name in inputs[1:]], self.thread, self.array
 
-        def kernel(t: float, *places: InC) -> int:
+        def kernel(t: float, *addresses: InC) -> int:
             if thread.raised is not None:
                 return INTERRUPTED
-            array(places[-1], size)[:] = function(t, *(array(place, count) for place, count in zip(places, counts, strict=False)))
+            array(addresses[-1], size)[:] = function(t, *(array(address, count) for address, count in zip(addresses, counts, strict=False)))
             return 0
 
         return self.put(kernel, KINDS[inputs])
@@ -117,8 +117,8 @@ class KernelsInPython(InPython):
         made = self.ffi.new("ncgen_tangents *", {"abi_version": abi_version(), "struct_size": self.ffi.sizeof("ncgen_tangents")})
         for name, program in of_state.programs.programs.items():
 
-            def values(*given: Any, name: str = name, program: Program = program) -> np.ndarray:
-                return of_state.values(name, dict(zip(program.inputs, given, strict=True)))
+            def values(*arrays: Any, name: str = name, program: Program = program) -> np.ndarray:
+                return of_state.values(name, dict(zip(program.inputs, arrays, strict=True)))
 
             setattr(made, f"{name}_pattern", self.pattern(of_state.programs.patterns[name]))
             setattr(made, name, self.kernel(program.inputs, program.size, values))

@@ -18,7 +18,6 @@ from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
-from cffi import FFI
 from numpy.typing import ArrayLike
 
 from ncgen.emit.c.files import model_files
@@ -112,7 +111,7 @@ class Batch(ABC):
             raise NcgenError(f"{kernels.name}.batch.{kernel}: the model calls a Python function; call kernels.{kernel} for every state")
         q = numbers(q, f"{kernels.name}.batch.{kernel}: q")
         if q.ndim != 2:
-            raise NcgenError(f"{kernels.name}.batch.{kernel}: q has shape {q.shape}; a row a state is needed, (…, {kernels.n})")
+            raise NcgenError(f"{kernels.name}.batch.{kernel}: q has shape {q.shape}; one row for each state is needed, (…, {kernels.n})")
         count = len(q)
         q = self._checked(q, kernel, "q", (count, kernels.n))
         program = kernels.programs.programs.get(kernel)
@@ -199,8 +198,8 @@ class CompiledBatch(Batch):
         loop = self._in_lanes if self.in_lanes(kernel) else self._in_turn
         ffi, library, size = loop.ffi, loop.library, out.shape[1]
         counts = {"t": t.size, "q": len(q) * self.kernels.n, "qd": len(q) * self.kernels.n, "p": p.size}
-        given = {"t": t, "q": q, "qd": qd, "p": p}
-        arrays = {name: pointer(ffi, array, count=counts[name], what=f"{self.kernels.name}: {name}") for name, array in given.items()}
+        arguments = {"t": t, "q": q, "qd": qd, "p": p}
+        arrays = {name: pointer(ffi, array, count=counts[name], label=f"{self.kernels.name}: {name}") for name, array in arguments.items()}
         states = ffi.new("ncgen_states *", arrays | {"count": len(q), "t_stride": int(t.ndim > 0), "p_stride": p.shape[-1] * (p.ndim - 1)})
         threads = self.threads if loop.has_threads else 1
         work = aligned(threads * library.ncgen_batch_workspace(loop.model, size))
@@ -226,7 +225,7 @@ class _Loop:
 
 
 def in_lanes(
-    files: dict[str, str], declarations: str, base: FFI, width: int | None = None, flags: tuple[str, ...] = LANES
+    files: dict[str, str], declarations: str, base: Interface, width: int | None = None, flags: tuple[str, ...] = LANES
 ) -> tuple[Interface, InC]:
     """(interface, library) of emitted sources with vectors for numbers; other arguments as for `load`.
 
@@ -238,7 +237,7 @@ def in_lanes(
 
 
 @once
-def load(names: tuple[str, ...], declarations: str, flags: tuple[str, ...], base: FFI) -> tuple[Interface, InC, bool]:
+def load(names: tuple[str, ...], declarations: str, flags: tuple[str, ...], base: Interface) -> tuple[Interface, InC, bool]:
     """(interface, library, whether it has threads) of ncgen_batch.c with other files of the runtime for many states.
 
     It stays loaded: OpenMP keeps its threads until the process ends, and their code must not go before them.
@@ -255,10 +254,10 @@ def available() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def thread_count(wanted: int | None, what: str) -> int:
+def thread_count(wanted: int | None, label: str) -> int:
     """How many threads to start: those wanted, but one on every processor at most, which is also what None is for."""
     if wanted is not None and not (isinstance(wanted, Integral) and wanted >= 1):
-        raise NcgenError(f"{what}: threads is {wanted!r}; it must be a whole number from 1 on, or None")
+        raise NcgenError(f"{label}: threads is {wanted!r}; it must be a whole number from 1 on, or None")
     return min(available() if wanted is None else int(wanted), available())
 
 

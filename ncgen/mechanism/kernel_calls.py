@@ -351,7 +351,7 @@ class KernelCalls(KernelData):
     def _call(self, kernel: str, t: ArrayLike, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, size: int) -> np.ndarray:
         """The output of a kernel, `size` numbers a state, for arguments that were looked at."""
 
-    def _checked(self, array: ArrayLike | None, size: int, kernel: str, name: str, what: str) -> np.ndarray:
+    def _checked(self, array: ArrayLike | None, size: int, kernel: str, name: str, noun: str) -> np.ndarray:
         array = numbers(array, f"{self.name}.{kernel}: {name}", complex_too=self.batches)
         if not self.batches and array.ndim > 1 and array.shape[-1] == size:
             raise NcgenError(
@@ -359,7 +359,7 @@ class KernelCalls(KernelData):
                 "backend='numpy'"
             )
         if array.shape[-1:] != (size,):
-            raise NcgenError(f"{self.name}.{kernel}: {name} has shape {array.shape}; the model has {size} {what}")
+            raise NcgenError(f"{self.name}.{kernel}: {name} has shape {array.shape}; the model has {size} {noun}")
         return array
 
     def _instant(self, t: ArrayLike, kernel: str) -> float | complex | np.ndarray:

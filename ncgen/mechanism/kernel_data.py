@@ -118,14 +118,14 @@ class KernelData(ABC):
         """
         return p if self._drive is None else self._drive(t, p)
 
-    def remember(self, what: str, key: Hashable, find: Callable[[], Found], most: int | None = None) -> Found:
+    def remember(self, kind: str, key: Hashable, find: Callable[[], Found], most: int | None = None) -> Found:
         """Return a value that is computed once for a key and cached with the kernels.
 
         A series of runs asks for the same things again: what is compiled for a choice of coordinates, degrees of freedom.
 
         Parameters
         ----------
-        what : str
+        kind : str
             Name of the kind of value.
         key : hashable
             Distinguishes values of this kind.
@@ -139,7 +139,7 @@ class KernelData(ABC):
         object
             The value.
         """
-        known = self._known.setdefault(what, {})
+        known = self._known.setdefault(kind, {})
         if key not in known:
             with preparing():
                 value = find()
@@ -174,7 +174,7 @@ class KernelData(ABC):
         read: set[int] = set()
         for block in (b for name in ("phi", "phi_q", "nu") if name in self.programs.programs for b in self.programs.programs[name].blocks):
             read.update(op.input.position for op in block.ops if op.code == "load" and op.input.array == "p")
-            read.update(place for slot in block.slots if isinstance(slot, Slot) and slot.array == "p" for place in slot.table)
+            read.update(position for slot in block.slots if isinstance(slot, Slot) and slot.array == "p" for position in slot.table)
         return np.array(sorted(read), dtype=int)
 
     @property
@@ -227,10 +227,10 @@ class KernelData(ABC):
     def _gyration(self) -> float:
         """The root of the largest inertia of a vector (kg m²) over the largest of a point (kg); 1 where either has none. Three digits, so
         that all machines agree."""
-        own = np.nan_to_num(np.diag(self.mass_matrix(self.q0)))
+        diagonal = np.nan_to_num(np.diag(self.mass_matrix(self.q0)))
         points = {c.name for e in self.model.elements.values() if isinstance(e, Point) for c in e.components}
         is_point = np.array([name in points for name in self.coordinates], dtype=bool)
-        masses, moments = np.max(own[is_point], initial=0.0), np.max(own[~is_point], initial=0.0)
+        masses, moments = np.max(diagonal[is_point], initial=0.0), np.max(diagonal[~is_point], initial=0.0)
         return float(f"{np.sqrt(moments) / np.sqrt(masses):.3g}") if masses > 0 and moments > 0 else 1.0
 
     # -- the initial position ------------------------------------------------------------------

@@ -277,7 +277,7 @@ class Kernels(KernelCalls):
         """
         return self._tangent("balance_p", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
 
-    def dense_tangent(self, name: str, **given: ArrayLike | None) -> np.ndarray:
+    def dense_tangent(self, name: str, **arguments: ArrayLike | None) -> np.ndarray:
         """Evaluate a tangent kernel as a dense array.
 
         For small mechanisms this is faster than the sparse matrix.
@@ -286,7 +286,7 @@ class Kernels(KernelCalls):
         ----------
         name : str
             One of stiffness, damping, phidd_q, phidd_qd, phi_p, phid_p, phidd_p and balance_p.
-        **given : array_like
+        **arguments : array_like
             Arguments of that kernel by name: t, q, qd, qdd, lam, p.
 
         Returns
@@ -294,7 +294,7 @@ class Kernels(KernelCalls):
         numpy.ndarray
             The matrix.
         """
-        return self._dense(*self._tangent_values(name, given))
+        return self._dense(*self._tangent_values(name, arguments))
 
     def dense_tangents(self, name: str, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Evaluate a tangent kernel of positions at a few states.
@@ -318,18 +318,18 @@ class Kernels(KernelCalls):
         rows = [self._tangent_values(name, {"q": at, "t": now, "p": p}) for at, now in zip(q, t.tolist(), strict=True)]
         return self._dense(rows[0][0], np.array([values for _, values in rows]))
 
-    def _tangent(self, name: str, **given: ArrayLike | None) -> csr_array:
-        return self._sparse(*self._tangent_values(name, given))
+    def _tangent(self, name: str, **arguments: ArrayLike | None) -> csr_array:
+        return self._sparse(*self._tangent_values(name, arguments))
 
-    def _tangent_values(self, name: str, given: dict[str, Any]) -> tuple[Pattern, np.ndarray]:
+    def _tangent_values(self, name: str, arguments: dict[str, Any]) -> tuple[Pattern, np.ndarray]:
         sizes = {"q": self.n, "qd": self.n, "qdd": self.n, "lam": self.m, "p": len(self.p0)}
-        given["p"] = self.p0 if given["p"] is None else given["p"]
-        if not isinstance(given.get("t", 0.0), float):
-            given["t"] = self._instant(given["t"], name)
+        arguments["p"] = self.p0 if arguments["p"] is None else arguments["p"]
+        if not isinstance(arguments.get("t", 0.0), float):
+            arguments["t"] = self._instant(arguments["t"], name)
         for array, size in sizes.items():
-            if array in given and not is_plain(given[array], size):
-                given[array] = self._checked(given[array], size, name, array, "of them")
+            if array in arguments and not is_plain(arguments[array], size):
+                arguments[array] = self._checked(arguments[array], size, name, array, "of them")
         if self._drive is not None:
-            given["p"] = self._drive(given["t"], given["p"])
+            arguments["p"] = self._drive(arguments["t"], arguments["p"])
         tangents = self.parameter_tangents if name.endswith("_p") else self.tangents
-        return tangents.programs.patterns[name], tangents.values(name, given)
+        return tangents.programs.patterns[name], tangents.values(name, arguments)

@@ -77,14 +77,14 @@ class LaneRuns:
         """How a number of each state changes with q and q̇ at its start, (states, n) each, and with p, (states, n_p), from how it does with
         q and q̇ at all times, (states, K, n) each."""
         motions, n = self.motions, self.motions.sizes.n_coordinates
-        slopes = motions.call("ncgen_motions_adjoint", self.tape, 2 * n + motions.sizes.n_parameters, by_q, by_qd)
-        return slopes[:, :n], slopes[:, n : 2 * n], slopes[:, 2 * n :]
+        derivatives = motions.call("ncgen_motions_adjoint", self.tape, 2 * n + motions.sizes.n_parameters, by_q, by_qd)
+        return derivatives[:, :n], derivatives[:, n : 2 * n], derivatives[:, 2 * n :]
 
     def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How a sum with these weights (states, n) of the velocities that the joints allow at the start changes with q and p."""
         n = self.motions.sizes.n_coordinates
-        slopes = self._start_back(weights, 1, 2 * n)
-        return slopes[:, :n], slopes[:, 2 * n :]
+        derivatives = self._start_back(weights, 1, 2 * n)
+        return derivatives[:, :n], derivatives[:, 2 * n :]
 
     def closing_back(self, weights: np.ndarray) -> np.ndarray:
         """How a sum with these weights (states, n) of a step of Newton's method at the start changes with p, (states, n_p)."""
@@ -142,10 +142,10 @@ class Motions:
         start = [laid(a, float, size, f"{kernels.name}: {name}") for name, a, size in (
             ("q", q, kernels.n), ("qd", qd, kernels.n), ("p", p, len(kernels.p0))
         )]  # fmt: skip
-        places = [pointer(ffi, a, count=a.shape[-1] * count, what=kernels.name) for a in start]
+        pointers = [pointer(ffi, a, count=a.shape[-1] * count, label=kernels.name) for a in start]
         column_sizes, row_sizes, times = (pointer(ffi, a) for a in (kernels.column_sizes, kernels.row_sizes, self._times))
         self._library.ncgen_motions(
-            self._emitted.motion[0], self._in_c, kernels.m, column_sizes, row_sizes, len(self._times) - 1, times, count, *places,
+            self._emitted.motion[0], self._in_c, kernels.m, column_sizes, row_sizes, len(self._times) - 1, times, count, *pointers,
             *(pointer(ffi, a, count=prod(shape)) for a in (to_q, to_qd)), pointer(ffi, other, "int[]"), taped, pointer(ffi, tape),
             pointer(ffi, aligned(self._work)),
         )  # fmt: skip
@@ -155,14 +155,14 @@ class Motions:
         """Slopes (states, width) of a function of the library that goes back; which: what it asks for besides."""
         ffi, size = self._ffi, self.kernels.n * (1 if which else len(self._times))
         arrays = [np.ascontiguousarray(numbers(a, "weights")) for a in weights]
-        slopes = np.empty((len(arrays[0]), width))
+        derivatives = np.empty((len(arrays[0]), width))
         when = self._times[0] if which else pointer(ffi, self._times)
         getattr(self._library, function)(
-            self._emitted.transposed[0], self._in_c, *which, len(self._times) - 1, when, len(slopes),
-            *(pointer(ffi, a, count=len(slopes) * size, what="weights") for a in arrays),
-            *(pointer(ffi, a) for a in (tape, slopes, aligned(self._work))),
+            self._emitted.transposed[0], self._in_c, *which, len(self._times) - 1, when, len(derivatives),
+            *(pointer(ffi, a, count=len(derivatives) * size, label="weights") for a in arrays),
+            *(pointer(ffi, a) for a in (tape, derivatives, aligned(self._work))),
         )  # fmt: skip
-        return slopes
+        return derivatives
 
     def prepare(self, back: bool) -> None:
         """Compile what runs, and ways back, need, before threads ask for it."""

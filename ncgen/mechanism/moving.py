@@ -223,16 +223,16 @@ class MovingRows:
             moments[name] = rows.ctypes.data + np.arange(count) * rows.strides[0]
         self.t, self.work, self.next_step = moments["t"], moments["work"], moments["next_step"]
         ends = np.linspace(0, count, len(steppings) + 1).astype(int)
-        self._parts = [part for part in zip(steppings, ends[:-1].tolist(), ends[1:].tolist(), strict=True) if part[1] < part[2]]
+        self._parts = [job for job in zip(steppings, ends[:-1].tolist(), ends[1:].tolist(), strict=True) if job[1] < job[2]]
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
 
     def go_on(self, h: float) -> bool:
         """All rows on by h seconds; whether all of them could. `statuses` has the numbers of `STATUS`; who could not stays where it was."""
         if self._pool is None:
-            for part in self._parts:
-                self._share(h, *part)
+            for job in self._parts:
+                self._share(h, *job)
         else:
-            list(self._pool.map(lambda part: self._share(h, *part), self._parts))
+            list(self._pool.map(lambda job: self._share(h, *job), self._parts))
         return not self.statuses.any()
 
     def _share(self, h: float, stepping: Stepping, first: int, last: int) -> None:

@@ -90,15 +90,15 @@ def moving_breaks(
     laws, rows = time_laws(kernels, any(signals)), break_times(kernels, p, start, end, signals)
     if not laws.switches:
         return MovingBreaks(rows, np.zeros((len(rows), count)))
-    slopes = kernels.remember("laws of time by parameters", any(signals), lambda: _slopes(laws))
-    given = {ArrayElement("p", k): float(p[k]) for k in laws.parameters}
+    derivatives = kernels.remember("laws of time by parameters", any(signals), lambda: _slopes(laws))
+    inputs = {ArrayElement("p", k): float(p[k]) for k in laws.parameters}
     driven = [count - len(signals) + i for i, signal in enumerate(signals) if signal is not None]
     gap = UNCERTAINTY * DOUBLE * max(abs(start), abs(end))
     breaks, unknown, bending = [rows], set[int](), set[int]()
     held = np.concatenate([np.empty(0), *(signal.knots[_jumps(signal)] for signal in signals if isinstance(signal, InputPieces))])
     jumps = [(held, np.zeros((len(held), count)))]
     for k, (switch, at) in enumerate(switch_times(laws, p, start, end, gap, driven)):
-        movers = slopes.by_parameters[k]
+        movers = derivatives.by_parameters[k]
         if at is None:
             unknown |= movers.keys() if switch.jumps else set()
         elif movers and len(at):
@@ -106,7 +106,7 @@ def moving_breaks(
         if switch.bends and (at is None or len(at)):
             bending |= movers.keys()
         if switch.jumps and at is not None and len(at):
-            jumps.append((at, _rates(slopes, k, given, at, count)))
+            jumps.append((at, _rates(derivatives, k, inputs, at, count)))
     rows = merged(np.concatenate(breaks), start, end, gap)
     at, rates = (np.concatenate(parts) for parts in zip(*jumps, strict=True))
     return MovingBreaks(rows, _by_row(rows, at, rates, start, end), frozenset(unknown), frozenset(bending))
@@ -114,26 +114,27 @@ def moving_breaks(
 
 def _slopes(laws: TimeLaws) -> _Slopes:
     """Of the arguments of all switches."""
-    graph, place = Graph(), list[int]()
+    graph, copies = Graph(), list[int]()
     for op in laws.ops:
-        place.append(graph.copied(op, [place[a] for a in op.args]))
-    loads = {op.input.position: place[k] for k, op in enumerate(laws.ops) if op.code == "load" and op.input.array == "p"}
-    one, slopes = graph.const(1.0), list[dict[int, int]]()
+        copies.append(graph.copied(op, [copies[a] for a in op.args]))
+    loads = {op.input.position: copies[k] for k, op in enumerate(laws.ops) if op.code == "load" and op.input.array == "p"}
+    one, derivatives = graph.const(1.0), list[dict[int, int]]()
     for switch in laws.switches:
-        argument = place[switch.argument]
+        argument = copies[switch.argument]
         below = graph.below([argument])
         nodes = {k: tangent(graph, [argument], {load: one}).get(argument) for k, load in loads.items() if load in below}
-        slopes.append({k: node for k, node in nodes.items() if node is not None})
-    by_time = [None if switch.slope is None else place[switch.slope] for switch in laws.switches]
-    return _Slopes(tuple(graph.ops), by_time, slopes)
+        derivatives.append({k: node for k, node in nodes.items() if node is not None})
+    by_time = [None if switch.derivative is None else copies[switch.derivative] for switch in laws.switches]
+    return _Slopes(tuple(graph.ops), by_time, derivatives)
 
 
-def _rates(slopes: _Slopes, switch: int, given: Mapping[ArrayElement, float], at: np.ndarray, count: int) -> np.ndarray:
+def _rates(derivatives: _Slopes, switch: int, inputs: Mapping[ArrayElement, float], at: np.ndarray, count: int) -> np.ndarray:
     """dτ/dp at times when the argument of a switch passes knots, (times, count)."""
-    rates, by_time, inputs_there = np.zeros((len(at), count)), slopes.by_time[switch], {**given, TIME: at}
-    for k, node in slopes.by_parameters[switch].items():
+    rates, by_time, inputs_there = np.zeros((len(at), count)), derivatives.by_time[switch], {**inputs, TIME: at}
+    for k, node in derivatives.by_parameters[switch].items():
         with np.errstate(all="ignore"):
-            rate = np.divide(-values(slopes.ops, node, inputs_there), 0.0 if by_time is None else values(slopes.ops, by_time, inputs_there))
+            passing = 0.0 if by_time is None else values(derivatives.ops, by_time, inputs_there)
+            rate = np.divide(-values(derivatives.ops, node, inputs_there), passing)
         rates[:, k] = np.where(np.isfinite(rate), rate, np.nan)
     return rates
 
@@ -144,9 +145,9 @@ def _by_row(rows: np.ndarray, at: np.ndarray, rates: np.ndarray, start: float, e
     inside = (at >= start) & (at <= end)
     if not len(rows) or not np.any(inside):
         return np.zeros(least.shape)
-    place = np.maximum(np.searchsorted(rows[:, 0], at[inside], side="right") - 1, 0)
-    np.minimum.at(least, place, rates[inside])
-    np.maximum.at(most, place, rates[inside])
+    row = np.maximum(np.searchsorted(rows[:, 0], at[inside], side="right") - 1, 0)
+    np.minimum.at(least, row, rates[inside])
+    np.maximum.at(most, row, rates[inside])
     least, most = (np.where(np.isinf(each), 0.0, each) for each in (least, most))
     moved = np.where(most - least <= RATE_TOLERANCE * np.maximum(np.abs(least), np.abs(most)), most, np.nan)
     ends = (rows[:, 0] <= start) | (rows[:, 1] >= end)

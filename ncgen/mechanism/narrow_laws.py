@@ -61,15 +61,15 @@ HALVINGS = 6
 
 
 def quick_changes(
-    ops: Sequence[Op], node: int, given: Mapping[ArrayElement, float], start: float, end: float, breaks: np.ndarray
+    ops: Sequence[Op], node: int, inputs: Mapping[ArrayElement, float], start: float, end: float, breaks: np.ndarray
 ) -> np.ndarray:
     """Times (s), ascending, at which steps of a run have to end for the changes of a node's value.
 
-    given: {parameter: value}; breaks (K,): times (s) between which the node is smooth
+    inputs: {parameter: value}; breaks (K,): times (s) between which the node is smooth
     """
     t = np.unique(np.concatenate([np.linspace(start, end, FIRST_INTERVALS + 1), breaks[(breaks > start) & (breaks < end)]]))
     narrowest = max(NARROWEST_PART * (end - start), 16 * np.finfo(float).eps * max(abs(start), abs(end)))
-    x, widths = _at(ops, node, given, t), _widths(ops, node, given, t[:-1], t[1:])
+    x, widths = _at(ops, node, inputs, t), _widths(ops, node, inputs, t[:-1], t[1:])
     while True:
         allowed = RESOLVED * _size(x)
         open_ = np.where(np.diff(t) > narrowest, widths, 0.0)
@@ -85,8 +85,8 @@ def quick_changes(
         low = t[from_] + np.diff(t)[from_] * (number / parts[from_])
         t, is_new, is_part = np.append(low, end), np.append(number > 0, False), parts[from_] > 1
         x, widths = np.append(x[:-1][from_], x[-1]), widths[from_]
-        x[is_new] = _at(ops, node, given, t[is_new])
-        widths[is_part] = _widths(ops, node, given, t[:-1][is_part], t[1:][is_part])
+        x[is_new] = _at(ops, node, inputs, t[is_new])
+        widths[is_part] = _widths(ops, node, inputs, t[:-1][is_part], t[1:][is_part])
     return _flanks(t, x, narrowest)
 
 
@@ -115,13 +115,13 @@ def _values_at(function: Function, times: np.ndarray) -> np.ndarray:
     return values
 
 
-def _at(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, float], t: np.ndarray) -> np.ndarray:
-    return np.broadcast_to(values(ops, node, {**given, TIME: t}), t.shape)
+def _at(ops: Sequence[Op], node: int, inputs: Mapping[ArrayElement, float], t: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(values(ops, node, {**inputs, TIME: t}), t.shape)
 
 
-def _widths(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, float], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _widths(ops: Sequence[Op], node: int, inputs: Mapping[ArrayElement, float], low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Bounds of how much the value changes in intervals; a large number where nothing is known."""
-    bound = {key: (np.asarray(value), np.asarray(value)) for key, value in given.items()}
+    bound = {key: (np.asarray(value), np.asarray(value)) for key, value in inputs.items()}
     least, most = ranges(ops, [node], {**bound, TIME: (low, high)})[0]
     with np.errstate(all="ignore"):
         widths = np.broadcast_to(most - least, low.shape)
@@ -143,8 +143,8 @@ def _flanks(t: np.ndarray, x: np.ndarray, jump: float = 0.0) -> np.ndarray:
     count = int(changes[-1] / (LEVEL * size) - 0.5)
     if count < 2:
         return np.empty(0)
-    places = np.interp((np.arange(count) + 0.5) * LEVEL * size, changes, t)
-    ends = np.concatenate([t[:1], places, t[-1:]])
+    crossings = np.interp((np.arange(count) + 0.5) * LEVEL * size, changes, t)
+    ends = np.concatenate([t[:1], crossings, t[-1:]])
     lengths = np.diff(ends)
     for ratio, most in RATIOS:
         rises = np.flatnonzero(lengths[:-2] > ratio * lengths[1:-1])

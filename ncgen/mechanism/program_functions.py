@@ -46,7 +46,7 @@ class ProgramFunctions(ABC):
         expected = self._expected[name]
         if len(arrays) != len(expected):
             raise NcgenError(f"{self.owner}.{name}: {len(arrays)} arrays given, {len(expected)} needed")
-        checked = (sized(a, count, what, self.complex_too) for a, (what, count) in zip(arrays, expected, strict=True))
+        checked = (sized(a, count, label, self.complex_too) for a, (label, count) in zip(arrays, expected, strict=True))
         return self._evaluate(name, t, *checked)
 
     @abstractmethod
@@ -111,8 +111,8 @@ class CompiledFunctions(ProgramFunctions):
     def at_state(self, name: str, t: float, arrays: tuple[np.ndarray, ...]) -> np.ndarray:
         """The output of a function, (sizes[name],), for arrays of doubles, (counts[input],) each."""
         out = np.empty(self.sizes[name])
-        given = zip(arrays, self._expected[name], strict=True)
-        pointers = [pointer(self._ffi, np.ascontiguousarray(a), "double[]", count, what) for a, (what, count) in given]
+        pairs = zip(arrays, self._expected[name], strict=True)
+        pointers = [pointer(self._ffi, np.ascontiguousarray(a), "double[]", count, label) for a, (label, count) in pairs]
         if self._functions[name](t, *pointers, pointer(self._ffi, out)):
             raise NcgenError(f"{self.owner}.{name}: a function left its domain")
         return out

@@ -7,9 +7,7 @@ import scipy
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
-from ncgen.program.ir.blocks import Block, Store, TableStore
 from ncgen.program.ir.cost import cost
-from ncgen.program.programs import ENERGIES
 
 SINGULAR = 1e-9
 """A mass matrix is taken as singular where elimination leaves less than this of an entry of its diagonal."""
@@ -34,12 +32,7 @@ def is_definite(kernels: Kernels) -> bool:
 def is_conservative(kernels: Kernels) -> bool:
     """True if nothing does work but forces with a potential: no drivers, no functions of Python, and a power that is zero by structure."""
     programs = kernels.programs.programs
-    if "nu" in programs or kernels.model.callbacks:
-        return False
-    if "energy" not in programs:
-        return True
-    power = ENERGIES.index("power")
-    return all(_is_zero_at(power, block, store) for block in programs["energy"].blocks for store in block.stores if store.array == "energy")
+    return not ("nu" in programs or "power" in programs or kernels.model.callbacks)
 
 
 def uses_tangents(kernels: Kernels, method: str) -> bool:
@@ -54,13 +47,3 @@ def uses_tangents(kernels: Kernels, method: str) -> bool:
     phi = programs.get("phi")
     quadratic = phi is None or (all(row.type is not None for row in kernels.rows) and not cost(phi).calls and not phi.angles)
     return not (is_conservative(kernels) and constant and (quadratic or method == "rattle"))
-
-
-def _is_zero_at(index: int, block: Block, store: Store | TableStore) -> bool:
-    """True if a store leaves one number of its array zero by structure."""
-    op = block.ops[store.node]
-    if index not in store.table:
-        return True
-    if op.code == "slot" and (slot := block.slots[op.slot]).array == "const":
-        return all(v == 0.0 for i, v in zip(store.table, slot.table, strict=True) if i == index)
-    return op.code == "const" and op.value == 0.0

@@ -81,18 +81,18 @@ def derived(programs: Programs, description: str, make: Callable[[], Files]) -> 
 
     told: what they are, in words that tell them from others of the same mechanism
     """
-    own = _key_of(programs)
+    programs_key = _key_of(programs)
     with undisturbed():
-        return make() if own is None else shared(f"{own}\n{description}", make)
+        return make() if programs_key is None else shared(f"{programs_key}\n{description}", make)
 
 
 def derived_tangents(programs: Programs, kind: str, make: Callable[[], TangentPrograms]) -> TangentPrograms:
     """Tangent programs of a mechanism, from the cache or made now; kind: as theirs."""
-    own = _key_of(programs)
+    programs_key = _key_of(programs)
     with undisturbed():
-        if own is None:
+        if programs_key is None:
             return make()
-        named = hashlib.sha256(f"{own}\n{kind}".encode()).hexdigest()[:40]
+        named = hashlib.sha256(f"{programs_key}\n{kind}".encode()).hexdigest()[:40]
         entry = kept(KIND, named)
         if entry is not None:
             return TangentPrograms(kind, *_restored(entry))
@@ -127,9 +127,9 @@ def _plain(value: Any) -> Json:
     if is_dataclass(value):
         return {type(value).__name__: [_plain(getattr(value, field.name)) for field in fields(value)]}
     if isinstance(value, dict):
-        return {"dict": [[_plain(name), _plain(part)] for name, part in value.items()]}
+        return {"dict": [[_plain(name), _plain(member)] for name, member in value.items()]}
     if isinstance(value, (tuple, list)):
-        return _columns(value) if value and isinstance(value[0], Op) else [_plain(part) for part in value]
+        return _columns(value) if value and isinstance(value[0], Op) else [_plain(member) for member in value]
     return value.item() if isinstance(value, np.generic) else value
 
 
@@ -148,7 +148,7 @@ def _operations(codes: list[str], arguments: list[list[int]], leaves: list[Any])
 def _restored(data: Any) -> Any:
     """What `_plain` made plain."""
     if isinstance(data, list):
-        return tuple([_restored(part) for part in data])
+        return tuple([_restored(member) for member in data])
     if isinstance(data, dict):
         ((name, parts),) = data.items()
         if name == OPERATIONS:
@@ -166,7 +166,7 @@ def _generator(*more: str) -> str:
     more: further packages that have a part in it
     """
     made_with = hashlib.sha256()
-    for path in package_files("model", "symbolic", "program", "methods", "emit", "runtime", "templates", *more):
+    for path in package_files(*(more or ("model", "symbolic", "program", "methods", "emit", "runtime", "templates"))):
         made_with.update(f"{path.name}\n".encode() + hashlib.sha256(path.read_bytes()).digest())
-    versions = [platform.python_version(), *(f"{name} {version(name)}" for name in PACKAGES)]
-    return "\n".join([*versions, made_with.hexdigest()])
+    others = [_generator()] if more else [platform.python_version(), *(f"{name} {version(name)}" for name in PACKAGES)]
+    return "\n".join([*others, made_with.hexdigest()])

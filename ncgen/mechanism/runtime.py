@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -82,6 +83,23 @@ COUNTS = (
     "stiff",
 )  # fmt: skip
 """Members that are those of `ncgen_statistics`."""
+
+
+def _reached(rows: Sequence[np.ndarray], done: int, statistics: InC) -> dict[str, Any]:
+    """Members of an outcome that C wrote: so many of the rows of t, q, qd and work, the last state, which has a row of its own; counts."""
+    t, q, qd, work = (np.asarray(row[:done], dtype=float) for row in rows)
+    reals = {name: float(getattr(statistics, name)) for name in ("next_step", "largest_projection", "tried")}
+    return {
+        **{name: getattr(statistics, name) for name in COUNTS},
+        **reals,
+        "reached": float(statistics.t),
+        "last": tuple(row[-1].astype(float) for row in rows[1:]),
+        "stopped": bool(statistics.stopped),
+        "t": t,
+        "q": q,
+        "qd": qd,
+        "work": work,
+    }
 
 
 class Dynamics:
@@ -202,25 +220,14 @@ class Dynamics:
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
             pointer(ffi, integers, "int[]"),
         )  # fmt: skip
-        done, s = rows[0], statistics
         if watched:
             watched.report()
         raised = next((each.raised for each in (listener, driver, *called) if each and each.raised), None)
         return Outcome(
-            t=np.asarray(row_times[:done], dtype=float),
-            q=np.asarray(out_q[:done], dtype=float),
-            qd=np.asarray(out_qd[:done], dtype=float),
-            work=np.asarray(out_work[:done], dtype=float),
             status="interrupted" if raised else STATUS[status],
-            reached=float(s.t),
-            last=(out_q[-1].astype(float), out_qd[-1].astype(float), out_work[-1].astype(float)),
-            stopped=bool(s.stopped),
             crossed=watched.crossed if watched else (),
-            next_step=float(s.next_step),
-            largest_projection=float(s.largest_projection),
-            tried=float(s.tried),
             raised=raised,
-            **{name: getattr(s, name) for name in COUNTS},
+            **_reached((row_times, out_q, out_qd, out_work), rows[0], statistics),
         )
 
     def jacobian(
@@ -254,7 +261,7 @@ class Dynamics:
         """Parameters, position and velocities as C reads them."""
         kernels = self.kernels
         counts = {"p": (p, len(kernels.p0)), "q": (q, kernels.n), "velocities": (velocities, self._state(formalism)[0])}
-        return [laid(given, self.number.dtype, count, f"{kernels.name}: {name}") for name, (given, count) in counts.items()]
+        return [laid(values, self.number.dtype, count, f"{kernels.name}: {name}") for name, (values, count) in counts.items()]
 
     @property
     def _eliminated(self) -> int:

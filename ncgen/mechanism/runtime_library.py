@@ -9,8 +9,6 @@ from pathlib import Path
 from threading import Thread
 from typing import Literal, TypeAlias
 
-from cffi import FFI
-
 from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime_files import (
@@ -37,9 +35,10 @@ from ncgen.mechanism.in_python import model_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.recall import Files, shared
 from ncgen.methods.table import AUTO, find_integrator
-from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
+from ncgen.toolchain.abi import NUMBERS, InC, declared, runtime_abi
 from ncgen.toolchain.cache import Sibling, compiled
 from ncgen.toolchain.compilers import FLAGS, flags_for
+from ncgen.toolchain.interfaces import Interface, interface
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
 
@@ -93,36 +92,30 @@ def load_with_headers(files: dict[str, str], number: str, declarations: str) -> 
 @once
 def interface_of(number: str) -> Interface:
     """What passes arguments to the runtime."""
-    ffi = FFI()
-    ffi.include(runtime_abi(number))
-    ffi.cdef("".join(declared(file, "functions") for file in HEADERS_OF_FUNCTIONS))
-    return ffi
+    return interface("".join(declared(file, "functions") for file in HEADERS_OF_FUNCTIONS), runtime_abi(number))
 
 
 @once
-def runtime_of(number: str, part: Part) -> InC:
+def runtime_of(number: str, component: Part) -> InC:
     """The runtime, the same for all mechanisms; most runs do without three quarters of it. What parts have in common is compiled once."""
-    return opened_by(interface_of(number), _library(number, part))
+    return opened_by(interface_of(number), _library(number, component))
 
 
 @once
 def event_runtime() -> tuple[Interface, InC]:
     """What carries many motions through their events, and what passes arguments to it."""
-    ffi = FFI()
-    ffi.include(runtime_abi("double"))
-    ffi.cdef(declared("ncgen_event_table.h", "table") + declared("ncgen_event_runs.h"))
-    ffi.cdef("".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_event_runs.h")))
-    for name in ("ncgen_action", "ncgen_mode", "ncgen_hold", "ncgen_events", "ncgen_log", "ncgen_event_runs"):
-        ffi.sizeof(name)
+    types = declared("ncgen_event_table.h", "table") + declared("ncgen_event_runs.h")
+    functions = [declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_event_runs.h")]
+    ffi = interface("".join([types, *functions]), runtime_abi("double"))
     return ffi, opened_by(ffi, _library("double", "event runs"))
 
 
-def _library(number: str, part: Part) -> Path:
-    files, flags = _sources(number, part)
+def _library(number: str, component: Part) -> Path:
+    files, flags = _sources(number, component)
 
     def siblings() -> list[Sibling]:
-        others: list[Part] = [other for other in RUNS if other != part and part in (*RUNS, "event runs")]
-        return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in others]
+        others: list[Part] = [other for other in RUNS if other != component and component in (*RUNS, "event runs")]
+        return [Sibling(*_sources(number, other), _shared_sources(component, other)) for other in others]
 
     return compiled(files, flags, siblings=siblings).library
 
@@ -130,9 +123,7 @@ def _library(number: str, part: Part) -> Path:
 @once
 def formula_walker(number: str) -> int:
     """The address of `ncgen_walk_formula`, in a library of its own, which few models need."""
-    ffi = FFI()
-    ffi.include(runtime_abi(number))
-    ffi.cdef("ncgen_formula_walker ncgen_walk_formula;")
+    ffi = interface("ncgen_formula_walker ncgen_walk_formula;", runtime_abi(number))
     files = shared("formulas", lambda: runtime_files(*formula_names()))
     library = opened_by(ffi, compiled(files, (*FLAGS, *NUMBERS[number].flags)).library)
     _walkers.append(library)
@@ -143,18 +134,18 @@ _walkers: list[InC] = []
 """Libraries that stay open."""
 
 
-def _shared_sources(part: Part, other: Part) -> tuple[str, ...]:
+def _shared_sources(component: Part, other: Part) -> tuple[str, ...]:
     """The sources that are compiled alike for both of two parts."""
-    (names, macros), (others, defined) = PARTS[part], PARTS[other]
+    (names, macros), (others, defined) = PARTS[component], PARTS[other]
     known = set(others())
     return indifferent([name for name in names() if name in known], set(macros) ^ set(defined))
 
 
-def _sources(number: str, part: Part) -> tuple[Files, tuple[str, ...]]:
+def _sources(number: str, component: Part) -> tuple[Files, tuple[str, ...]]:
     """The files of a part of the runtime, and the flags that they are compiled with."""
-    names, defined = PARTS[part]
+    names, defined = PARTS[component]
     macros = [f"-D{macro}" for macro in defined]
-    return shared(f"runtime: {part}", lambda: runtime_files(*names())), (*FLAGS, *NUMBERS[number].flags, *macros)
+    return shared(f"runtime: {component}", lambda: runtime_files(*names())), (*FLAGS, *NUMBERS[number].flags, *macros)
 
 
 def part_for(integrator: str, recursion: Recursion = None) -> Part:
@@ -168,16 +159,16 @@ def part_for(integrator: str, recursion: Recursion = None) -> Part:
 
 
 @cache
-def has_runtime(part: Part) -> bool:
+def has_runtime(component: Part) -> bool:
     """True where a part of the runtime is there, or can be compiled; asked once, since a compiler that fails takes its time."""
     try:
-        runtime_of("double", part)
+        runtime_of("double", component)
     except NcgenError:
         return False
     return True
 
 
-def compiling_thread(number: str = "double", part: Part = "explicit") -> Thread:
+def compiling_thread(number: str = "double", component: Part = "explicit") -> Thread:
     """A thread that compiles the runtime, if it is not in the cache, while something else runs; to be started, and joined before a run.
 
     What goes wrong there goes wrong again, and is reported, where the runtime is needed.
@@ -185,7 +176,7 @@ def compiling_thread(number: str = "double", part: Part = "explicit") -> Thread:
 
     def compiling() -> None:
         with suppress(NcgenError):
-            runtime_of(number, part)
+            runtime_of(number, component)
 
     return Thread(target=compiling, daemon=True)
 
@@ -205,7 +196,7 @@ def _compiled_model(kernels: Kernels, number: str) -> tuple[InC, InC]:
 
 def prepare(kernels: Kernels, number: str = "double") -> None:
     """Compile what a run may ask for on its way, so that a limit to its time is a limit to the run."""
-    for part in RUNS:
-        runtime_of(number, part)
+    for component in RUNS:
+        runtime_of(number, component)
     model_in(kernels, number)
     kernels.tangents  # noqa: B018

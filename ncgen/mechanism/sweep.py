@@ -65,18 +65,21 @@ class Sweep:
         """How a number changes with q and q̇ at the start, (n,) each, with p, (n_p,), and with the inputs of all stages, (steps, stages,
         n_inputs), from how it does with [q, q̇] at all times, (steps + 1, 2 n)."""
         n, library = self._sizes.n_coordinates, self.numbers.library
-        slopes = self._empty(2 * n + self._sizes.n_parameters)
+        derivatives = self._empty(2 * n + self._sizes.n_parameters)
         by_inputs, work = np.empty_like(self._inputs), self._empty(library.ncgen_adjoint_workspace(self._run))
         library.ncgen_adjoint(
-            self._run, self.numbers.transposed, self._real(weights, 2 * n * len(self._times)), *map(self._real, (slopes, by_inputs, work))
+            self._run,
+            self.numbers.transposed,
+            self._real(weights, 2 * n * len(self._times)),
+            *map(self._real, (derivatives, by_inputs, work)),
         )
-        return slopes[:n], slopes[n : 2 * n], slopes[2 * n :], by_inputs
+        return derivatives[:n], derivatives[n : 2 * n], derivatives[2 * n :], by_inputs
 
     def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How a sum with these weights (n,) of the velocities that the joints allow at the start changes with q, (n,), and p, (n_p,)."""
         n = self._sizes.n_coordinates
-        slopes = self._part("velocities", weights, self._states[:n], self._states[n : 2 * n])
-        return slopes[:n], self._by_parameters(slopes[2 * n :])
+        derivatives = self._part("velocities", weights, self._states[:n], self._states[n : 2 * n])
+        return derivatives[:n], self._by_parameters(derivatives[2 * n :])
 
     def closing_back(self, weights: np.ndarray) -> np.ndarray:
         """How a sum with these weights (n,) of a step of Newton's method at the start changes with p, (n_p,)."""
@@ -87,18 +90,18 @@ class Sweep:
         """What a transposed part says at the start; state: what it reads besides time and p."""
         gradient = self._empty(sum(map(len, state)) + len(self._p))
         function = getattr(self.numbers.library, f"ncgen_{name}_vjp")
-        given = *map(self._real, (*state, self._p)), self._real(weights, self._sizes.n_coordinates), self._real(gradient)
-        function(self.numbers.transposed, self._times[0], *given)
+        pointers = *map(self._real, (*state, self._p)), self._real(weights, self._sizes.n_coordinates), self._real(gradient)
+        function(self.numbers.transposed, self._times[0], *pointers)
         return gradient
 
-    def _by_parameters(self, slopes: np.ndarray) -> np.ndarray:
+    def _by_parameters(self, derivatives: np.ndarray) -> np.ndarray:
         """Slopes (n_p,) by parameters from those by parameters and what is prepared of them."""
-        own, prepared = np.split(slopes, [self._sizes.n_parameters])
+        by_p, prepared = np.split(derivatives, [self._sizes.n_parameters])
         if not len(prepared):
-            return own
-        more = self._empty(len(own))
+            return by_p
+        more = self._empty(len(by_p))
         self.numbers.library.ncgen_prepare_vjp(self.numbers.transposed, *map(self._real, (self._p, prepared, more)))
-        return own + more
+        return by_p + more
 
     def _empty(self, size: int) -> np.ndarray:
         return np.empty(size, dtype=self.numbers.dtype)

@@ -78,12 +78,12 @@ class Tangents(ABC):
         """Those of a mechanism; programs: its own."""
         return cls(tangents, programs.equations)
 
-    def values(self, name: str, given: dict[str, Any]) -> np.ndarray:
-        """The nonzeros of one matrix; given: t, q, qd, qdd, lam, p by name."""
+    def values(self, name: str, arguments: dict[str, Any]) -> np.ndarray:
+        """The nonzeros of one matrix; arguments: t, q, qd, qdd, lam, p by name."""
         program = self.programs.programs.get(name)
         if program is None:
             return np.zeros(0)
-        return self._call(name, program, [given[a] for a in program.inputs])
+        return self._call(name, program, [arguments[a] for a in program.inputs])
 
     @abstractmethod
     def _call(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
@@ -155,8 +155,8 @@ class CompiledTangents(Tangents):
     def _called(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
         ffi, _, descriptor = self._loaded
         out = np.empty(program.size)
-        given = zip(program.inputs[1:], inputs[1:], strict=True)  # `Kernels` has laid them out
-        pointers = [pointer(ffi, array, "double[]", self._counts[of], of) for of, array in given]
+        pairs = zip(program.inputs[1:], inputs[1:], strict=True)  # `Kernels` has laid them out
+        pointers = [pointer(ffi, array, "double[]", self._counts[of], of) for of, array in pairs]
         try:
             getattr(descriptor, name)(inputs[0], *pointers, pointer(ffi, out))
         except TypeError:

@@ -42,7 +42,7 @@ class Driven:
 
     @classmethod
     def joined(cls, parts: Sequence[Driven]) -> Driven:
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "begun", "values")))
+        return cls(*(np.concatenate([getattr(driven, name) for driven in parts]) for name in ("t", "begun", "values")))
 
 
 MAX_TAPE_BYTES = 2**31
@@ -166,14 +166,14 @@ class Taped:
         n, by_p = self._sizes.n_coordinates, np.zeros(self._parameters)
         by_inputs, numbers = np.empty_like(self.driven.values), self.back.numbers
         for first, last in reversed(self._pieces()):
-            own = weights[first].copy()
+            first_weights = weights[first].copy()
             weights[first] = 0.0
             states = self._states[first * self._step_size : last * self._step_size + 2 * n]
             inputs = self.driven.values[first:last]
             sweep = Sweep(numbers, self._sizes, self._times[first : last + 1], states, self._p, inputs)
             to_q, to_qd, more, by_inputs[first:last] = sweep.backward(weights[first : last + 1])
             by_p += more + (self.jumps[first].felt(to_qd) if first in self.jumps else 0.0)
-            weights[first] = own + np.concatenate([to_q, to_qd])
+            weights[first] = first_weights + np.concatenate([to_q, to_qd])
         return weights[0, :n], weights[0, n:], by_p, replace(self.driven, values=by_inputs)
 
     def at_all_steps(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
@@ -219,9 +219,9 @@ class Taped:
                 begun[n:] += self.jumps[first].along(dp)
             seeds, inputs = np.vstack([begun, dp]).astype(float, order="C"), self.driven.values[first:last]
             times, states = self._times[first : last + 1], self._states[first * size :]
-            own = changes[first].copy()
+            first_changes = changes[first].copy()
             self._directions.run(self._sizes, self._p, inputs, times, states, seeds, changes[first : last + 1], taped)
-            changes[first] = own
+            changes[first] = first_changes
         return changes
 
     def velocities_along(self, dq: np.ndarray, dp: np.ndarray) -> np.ndarray:
@@ -269,7 +269,7 @@ class Segmented:
             if segment.outcome.status != "ok":
                 break
             q, qd, _ = segment.outcome.last
-        rows = {name: np.concatenate([getattr(part, name)[k > 0 :] for k, part in enumerate(parts)]) for name in ("q", "qd", "work")}
+        rows = {name: np.concatenate([getattr(segment, name)[k > 0 :] for k, segment in enumerate(parts)]) for name in ("q", "qd", "work")}
         self.outcome = replace(parts[-1], **rows)
 
     @cached_property
@@ -293,19 +293,19 @@ class Segmented:
     def _segments(self) -> Iterator[tuple[slice, Taped]]:
         """The last one first, each with its place among the times."""
         for begin, end in reversed(list(pairwise(self._bounds))):
-            place = slice(begin, end + 1)
-            yield place, self._segment(place)
+            rows = slice(begin, end + 1)
+            yield rows, self._segment(rows)
 
-    def _segment(self, place: slice) -> Taped:
-        return self._run(times=self._times[place], q=self.outcome.q[place.start], qd=self.outcome.qd[place.start])
+    def _segment(self, rows: slice) -> Taped:
+        return self._run(times=self._times[rows], q=self.outcome.q[rows.start], qd=self.outcome.qd[rows.start])
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Driven]:
         """As of `Taped`."""
         by_q, by_qd = by_q.copy(), by_qd.copy()
         by_p: np.ndarray | float = 0.0
         driven: list[Driven] = []
-        for place, segment in self._segments():
-            by_q[place.start], by_qd[place.start], more, felt = segment.backward(by_q[place], by_qd[place])
+        for rows, segment in self._segments():
+            by_q[rows.start], by_qd[rows.start], more, felt = segment.backward(by_q[rows], by_qd[rows])
             by_p = by_p + more
             driven.append(felt)
         return by_q[0], by_qd[0], np.asarray(by_p), Driven.joined(driven)
@@ -352,8 +352,8 @@ class _Directions:
     ) -> None:  # fmt: skip
         counts = self._counts(sizes)
         work = aligned(self._library.ncgen_directions_workspace(*counts, sizes.method))
-        given = [pointer(self._ffi, a) for a in (p, np.ascontiguousarray(inputs), times, states, seeds, changes, taped, work)]
-        p_in_c, inputs_in_c, *tape, seeds_in_c = given[:5]
+        pointers = [pointer(self._ffi, a) for a in (p, np.ascontiguousarray(inputs), times, states, seeds, changes, taped, work)]
+        p_in_c, inputs_in_c, *tape, seeds_in_c = pointers[:5]
         self._library.ncgen_directions(
             self._motion,
             *counts,
@@ -366,7 +366,7 @@ class _Directions:
             *tape,
             seeds.shape[1],
             seeds_in_c,
-            *given[5:],
+            *pointers[5:],
         )
 
     @staticmethod

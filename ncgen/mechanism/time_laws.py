@@ -39,13 +39,13 @@ HIGHEST_DEGREE = 8.0
 class Switch:
     """An operation that changes its formula where its argument, which depends on time and parameters alone, passes a knot.
 
-    argument, slope: nodes of it and of its derivative by time; slope None where the argument is constant in time between other breaks
+    argument, derivative: nodes of it and of its derivative by time, None where the argument is constant in time between other breaks
     pieces: the knots; jumps: True where the value jumps at one of them; bends: where its slope does, or the value
     inner: numbers of the switches that the argument depends on
     """
 
     argument: int
-    slope: int | None
+    derivative: int | None
     pieces: Pieces
     jumps: bool
     bends: bool
@@ -86,23 +86,23 @@ def _laws(kernels: Kernels, changing: Collection[ArrayElement]) -> TimeLaws:
             arrays = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
             outputs += inlined(graph, program, arrays)
     over_time: dict[int, int] = {}  # node -> the same among the laws' own
-    own, switches = Graph(), []
+    time_graph, switches = Graph(), []
     for node, op in enumerate(graph.ops):
         if op.code == "const" or (op.code == "load" and op.input.array in ("t", "p")):
-            over_time[node] = own.copied(op, ())
+            over_time[node] = time_graph.copied(op, ())
         elif op.args and all(a in over_time for a in op.args):
-            over_time[node] = made = own.copied(op, [over_time[a] for a in op.args])
-            if op.code in SWITCHING and made not in known and own.ops[made].args:
-                known[made] = own.ops[made]
+            over_time[node] = made = time_graph.copied(op, [over_time[a] for a in op.args])
+            if op.code in SWITCHING and made not in known and time_graph.ops[made].args:
+                known[made] = time_graph.ops[made]
     used = {*outputs, *(a for node, op in enumerate(graph.ops) if node not in over_time for a in op.args)}
-    narrow = _narrow_nodes(own, [over_time[node] for node in used if node in over_time])
+    narrow = _narrow_nodes(time_graph, [over_time[node] for node in used if node in over_time])
     numbers = {node: k for k, node in enumerate(known)}
     for node, op in known.items():
         (argument,) = op.args
-        below = own.below([argument])
-        if not any(own.ops[b].leaf in changing for b in below):
+        below = time_graph.below([argument])
+        if not any(time_graph.ops[b].leaf in changing for b in below):
             continue
-        slope = slope_in_time(own, argument)
+        derivative = slope_in_time(time_graph, argument)
         pieces = op.pieces if op.code == PIECES else ZERO
         jumps, bends = _discontinuous(op)
         switches.append(
@@ -110,7 +110,7 @@ def _laws(kernels: Kernels, changing: Collection[ArrayElement]) -> TimeLaws:
                 node,
                 Switch(
                     argument=argument,
-                    slope=slope,
+                    derivative=derivative,
                     pieces=pieces,
                     jumps=jumps,
                     bends=bends,
@@ -118,9 +118,9 @@ def _laws(kernels: Kernels, changing: Collection[ArrayElement]) -> TimeLaws:
                 ),
             )
         )
-    place = {numbers[node]: k for k, (node, _) in enumerate(switches)}
-    mended = [replace(s, inner=tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches]
-    return _without_others(own, mended, narrow)
+    index = {numbers[node]: k for k, (node, _) in enumerate(switches)}
+    mended = [replace(s, inner=tuple(index[i] for i in sorted(s.inner) if i in index)) for _, s in switches]
+    return _without_others(time_graph, mended, narrow)
 
 
 def slope_in_time(graph: Graph, node: int) -> int | None:
@@ -174,10 +174,10 @@ def degrees_in_time(graph: Graph, nodes: Iterable[int]) -> dict[int, float]:
 
 def _without_others(graph: Graph, switches: Sequence[Switch], narrow: Sequence[int]) -> TimeLaws:
     """Laws with the operations that they need alone."""
-    needed = sorted(graph.below([*narrow, *(n for s in switches for n in (s.argument, s.slope) if n is not None)]))
+    needed = sorted(graph.below([*narrow, *(n for s in switches for n in (s.argument, s.derivative) if n is not None)]))
     new = {old: k for k, old in enumerate(needed)}
     ops = tuple(graph.ops[old].renumbered(new) for old in needed)
-    renumbered = (replace(s, argument=new[s.argument], slope=None if s.slope is None else new[s.slope]) for s in switches)
+    renumbered = (replace(s, argument=new[s.argument], derivative=None if s.derivative is None else new[s.derivative]) for s in switches)
     read = tuple(op.input.position for op in ops if op.code == "load" and op.input.array == "p")
     return TimeLaws(ops, tuple(renumbered), tuple(new[node] for node in narrow), read)
 
@@ -207,8 +207,8 @@ def _discontinuous(op: Op) -> tuple[bool, bool]:
     size = max(abs(_at(row, knot)) for knot, *rows in at for row in rows)
     jumps = any(abs(_at(before, knot) - _at(after, knot)) > 1e-9 * size for knot, before, after in at)
     length = min((b - a for a, b in pairwise(pieces.knots)), default=1.0)
-    slopes = [abs(_at(_slope(before), knot) - _at(_slope(after), knot)) * length for knot, before, after in at]
-    return jumps, jumps or any(slope > 1e-9 * size for slope in slopes)
+    derivatives = [abs(_at(_slope(before), knot) - _at(_slope(after), knot)) * length for knot, before, after in at]
+    return jumps, jumps or any(derivative > 1e-9 * size for derivative in derivatives)
 
 
 def _slope(row: Sequence[float]) -> tuple[float, ...]:

@@ -27,18 +27,18 @@ class OwnFormalism(Protocol):
         ...
 
 
-def is_own(given: object) -> bool:
+def is_own(formalism: object) -> bool:
     """True for an object that is meant as a formalism, right or wrong."""
-    return not isinstance(given, str) and (callable(given) or hasattr(given, "accelerations") or hasattr(given, "name"))
+    return not isinstance(formalism, str) and (callable(formalism) or hasattr(formalism, "accelerations") or hasattr(formalism, "name"))
 
 
-def check_own(given: Any, taken: tuple[str, ...]) -> None:
+def check_own(formalism: Any, taken: tuple[str, ...]) -> None:
     """Raise ModelError unless an object is a formalism. taken: names that it cannot have"""
-    if isinstance(given, type):
-        raise ModelError(f"formalism: {given.__name__} is a class; give an object of it, such as {given.__name__}()")
-    if not callable(getattr(given, "accelerations", None)):
-        raise ModelError(f"formalism: {shown(given)} has no function accelerations; give an object with one and a name")
-    name = getattr(given, "name", None)
+    if isinstance(formalism, type):
+        raise ModelError(f"formalism: {formalism.__name__} is a class; give an object of it, such as {formalism.__name__}()")
+    if not callable(getattr(formalism, "accelerations", None)):
+        raise ModelError(f"formalism: {shown(formalism)} has no function accelerations; give an object with one and a name")
+    name = getattr(formalism, "name", None)
     if not isinstance(name, str) or not name.isprintable() or not name.strip():
         raise ModelError(f"formalism: the name of the object is {shown(name)}; it must be a text of one line")
     if name in taken:

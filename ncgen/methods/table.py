@@ -75,6 +75,14 @@ class Integrator:
         return Tableau.of(self.tableau)
 
     @property
+    def step_in_c(self) -> tuple[str, str] | None:
+        """The functions in C that take a step of a method that discretises the constrained equations, without tangents and with."""
+        word = f"ncgen_{self.name.replace('-', '_')}"
+        if self.is_ordinary or not self.in_c:
+            return None
+        return word, word if self.tangents == "always" else f"{word}_with_tangents"
+
+    @property
     def takes_recursion(self) -> bool:
         """True if a recursion over the tree of bodies serves it as state derivative in C."""
         return self.tableau is not None or self.tangents == "unless_recursive"
@@ -100,7 +108,7 @@ class Formalism:
     is_ordinary: bool = True
     in_c: bool = True
     options: dict[str, Any] = field(default_factory=dict, hash=False)
-    own: OwnFormalism | None = field(default=None, hash=False)
+    user_object: OwnFormalism | None = field(default=None, hash=False)
 
     @property
     def constant(self) -> str:
@@ -236,8 +244,8 @@ def find_formalism(name: object) -> Formalism:
         return name
     if is_own(name):
         check_own(name, (AUTO, *FORMALISMS))
-        own = cast(OwnFormalism, name)
-        return replace(_of_accelerations(own.name, "the user's own"), in_c=False, own=own)
+        user_object = cast(OwnFormalism, name)
+        return replace(_of_accelerations(user_object.name, "the user's own"), in_c=False, user_object=user_object)
     if not isinstance(name, str) or name not in FORMALISMS:
         raise unknown_word(name, "formalism", (AUTO, *FORMALISMS))
     return FORMALISMS[name]

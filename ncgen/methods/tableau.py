@@ -93,7 +93,7 @@ class Tableau:
 
         The first three make the cubic with the slopes of both ends (Hairer, Nørsett & Wanner, II.6).
         """
-        first, last = (self._padded((Fraction(0),) * place + (Fraction(1),)) for place in (0, self.stages))
+        first, last = (self._padded((Fraction(0),) * stage + (Fraction(1),)) for stage in (0, self.stages))
         rest = tuple(f - b for f, b in zip(first, self.weights, strict=True))
         both = tuple(2 * b - f - e for b, f, e in zip(self.weights, first, last, strict=True))
         return (self.weights, rest, both, *map(self._padded, self.higher))
@@ -132,13 +132,13 @@ class Tableau:
         _exact(nested, slopes, self.dense_order, 0.5, "the interpolant")
 
 
-def _exact(weights: np.ndarray, slopes: np.ndarray, order: int, s: float, what: str) -> None:
+def _exact(weights: np.ndarray, slopes: np.ndarray, order: int, s: float, label: str) -> None:
     """Raise WrongTableau unless weights of the slopes give y(t + s h) up to an order: Σ w_i Φ_i = s^nodes / γ for every tree."""
     for tree in trees(order):
         elementary, wanted = _elementary(tree, slopes), s ** _nodes(tree) / _density(tree)
         if abs(weights @ elementary - wanted) > ROUNDING * (1 + np.abs(weights) @ np.abs(elementary)):
             raise WrongTableau(
-                f"{what} is not of order {order}: {weights @ elementary!r} in place of {wanted!r} in the condition of the tree {tree}"
+                f"{label} is not of order {order}: {weights @ elementary!r} in place of {wanted!r} in the condition of the tree {tree}"
             )
 
 

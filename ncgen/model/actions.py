@@ -133,10 +133,10 @@ def free(coordinate: str | SymbolicCoordinate) -> Locking:
     return Locking(_name_of(coordinate), False)
 
 
-def _name_of(what: object) -> str:
-    name = what if isinstance(what, str) else getattr(what, "name", None)
+def _name_of(target: object) -> str:
+    name = target if isinstance(target, str) else getattr(target, "name", None)
     if not isinstance(name, str):
-        raise ModelError(f"lock, free: {shown(what)} is neither a coordinate nor the name of a lock; give one of them")
+        raise ModelError(f"lock, free: {shown(target)} is neither a coordinate nor the name of a lock; give one of them")
     return normal(name)
 
 
@@ -144,32 +144,33 @@ LOCKINGS: dict[str, Callable[[str], Locking]] = {"lock": lock, "free": free}
 """Words of model files."""
 
 
-def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]:
+def actions_of(model: Contents, argument: object, where: str) -> tuple[Action, ...]:
     """The actions that a user wrote. Raises ModelError for anything else, and for names that the model does not have."""
-    if given is None:
+    if argument is None:
         return ()
-    if isinstance(given, (list, tuple, Mapping)) and not given:
-        raise ModelError(f"{where}: {shown(given)} holds no action; leave it out where the event is only recorded")
-    if isinstance(given, (list, tuple)):
-        return tuple(action for each in given for action in actions_of(model, each, where))
-    if isinstance(given, (Change, Stop, Call, Locking)):
-        return (given,)
-    if isinstance(given, Impact):
+    if isinstance(argument, (list, tuple, Mapping)) and not argument:
+        raise ModelError(f"{where}: {shown(argument)} holds no action; leave it out where the event is only recorded")
+    if isinstance(argument, (list, tuple)):
+        return tuple(action for each in argument for action in actions_of(model, each, where))
+    if isinstance(argument, (Change, Stop, Call, Locking)):
+        return (argument,)
+    if isinstance(argument, Impact):
         from ncgen.model.argument_readers import value
 
-        return (Impact(value(model, given.restitution, f"{where}, restitution"), given.order, given.rest),)
-    if isinstance(given, str) and given == STOP:
+        return (Impact(value(model, argument.restitution, f"{where}, restitution"), argument.order, argument.rest),)
+    if isinstance(argument, str) and argument == STOP:
         return (Stop(),)
-    if isinstance(given, Mapping):
-        if set(given) == {"impact"} and isinstance(given["impact"], Mapping):
-            return actions_of(model, impact(**given["impact"]), where)
-        if len(given) == 1 and (word := next(iter(given))) in LOCKINGS and isinstance(given[word], str):
-            return (LOCKINGS[word](given[word]),)
-        return (Change({normal(name): _changed(model, name, value, where) for name, value in given.items()}),)
-    if callable(given):
-        return (Call(cast("Callable[..., Mapping[str, float] | None]", given)),)
+    if isinstance(argument, Mapping):
+        if set(argument) == {"impact"} and isinstance(argument["impact"], Mapping):
+            return actions_of(model, impact(**argument["impact"]), where)
+        if len(argument) == 1 and (word := next(iter(argument))) in LOCKINGS and isinstance(argument[word], str):
+            return (LOCKINGS[word](argument[word]),)
+        return (Change({normal(name): _changed(model, name, value, where) for name, value in argument.items()}),)
+    if callable(argument):
+        return (Call(cast("Callable[..., Mapping[str, float] | None]", argument)),)
     raise ModelError(
-        f'{where}: {shown(given)} is no action; give "stop", ncgen.impact(…), ncgen.lock(…), ncgen.free(…), {{name: value}} or a function'
+        f'{where}: {shown(argument)} is no action; give "stop", ncgen.impact(…), ncgen.lock(…), ncgen.free(…), '
+        "{name: value} or a function"
     )
 
 

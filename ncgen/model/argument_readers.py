@@ -49,13 +49,13 @@ def read(model: Contents, word: str, bound: inspect.BoundArguments) -> None:
         if key not in bound.arguments or key == "name" or not isinstance(parameter.annotation, str):
             continue
         kind = parameter.annotation.removesuffix(" | None")
-        reader, given = READERS.get(kind), bound.arguments[key]
-        if reader is None or (given is None and kind != parameter.annotation):
+        reader, argument = READERS.get(kind), bound.arguments[key]
+        if reader is None or (argument is None and kind != parameter.annotation):
             continue
         where = label if isinstance(label, str) and label else " ".join([word, "-".join(subject)]).strip()
-        what = where if key in UNNAMED_ARGUMENTS else f"{where}, {key}"
+        address = where if key in UNNAMED_ARGUMENTS else f"{where}, {key}"
         many = parameter.kind is parameter.VAR_POSITIONAL
-        result = tuple(reader(model, each, what) for each in bound.arguments[key]) if many else reader(model, given, what)
+        result = tuple(reader(model, each, address) for each in bound.arguments[key]) if many else reader(model, argument, address)
         if "name" not in bound.arguments and isinstance(result, (Spatial, Relative, Component, Body)):
             subject.append(result.name)
         bound.arguments[key] = result
@@ -74,8 +74,8 @@ def own(model: Contents, reference: object, kind: type[E], where: str) -> E:
     return reference
 
 
-def _unknown(what: str, name: str, where: str) -> UnknownName:
-    return UnknownName(f"{where}: there is no {what} {shortened(name, MAX_ECHO)}; define it first", normal(name))
+def _unknown(kind: str, name: str, where: str) -> UnknownName:
+    return UnknownName(f"{where}: there is no {kind} {shortened(name, MAX_ECHO)}; define it first", normal(name))
 
 
 def own_direction(model: Contents, reference: object, where: str) -> Combination:
@@ -92,9 +92,9 @@ def own_direction(model: Contents, reference: object, where: str) -> Combination
     return direction
 
 
-def value(model: Contents, given: object, where: str) -> Value:
+def value(model: Contents, argument: object, where: str) -> Value:
     """A number, or a parameter or an expression of parameters of this model that is a number at their defaults."""
-    result = as_value(given, where)
+    result = as_value(argument, where)
     _refuse_inputs(model, result, where)
     if isinstance(result, Parameter) and model.parameters.get(result.name) is not result:
         raise foreign(where, f"parameter {result.name}")
@@ -102,7 +102,7 @@ def value(model: Contents, given: object, where: str) -> Value:
     if is_symbolic(result) and result.is_Symbol:
         (symbol,) = symbols_in(result)
         return model.parameters[symbol.name]
-    return given if type(given) is int else result  # an integer stays one, in model files and in expressions
+    return argument if type(argument) is int else result  # an integer stays one, in model files and in expressions
 
 
 def _refuse_inputs(model: Contents, given_value: object, where: str) -> None:
@@ -119,47 +119,49 @@ def _refuse_inputs(model: Contents, given_value: object, where: str) -> None:
         raise ModelError(f"{where}: {driven[0]} is an input, which stands in forces, torques, couples and outputs only; {remedy}")
 
 
-def _still(model: Contents, given: object, where: str) -> Scalar:
+def _still(model: Contents, argument: object, where: str) -> Scalar:
     """An expression without inputs."""
-    result = expression(given, where)
+    result = expression(argument, where)
     _refuse_inputs(model, result, where)
     return result
 
 
-def sequence(given: object, where: str, what: str) -> tuple[object, ...]:
+def sequence(argument: object, where: str, expected: str) -> tuple[object, ...]:
     """Several things in their order. Raises ModelError for what has no order, and for texts and single things."""
-    if isinstance(given, (str, bytes, Mapping, Set)) or not isinstance(given, Iterable) or getattr(given, "ndim", 1) != 1:
-        raise ModelError(f"{where}: {shown(given)} given; give {what}")
-    return tuple(given)
+    if isinstance(argument, (str, bytes, Mapping, Set)) or not isinstance(argument, Iterable) or getattr(argument, "ndim", 1) != 1:
+        raise ModelError(f"{where}: {shown(argument)} given; give {expected}")
+    return tuple(argument)
 
 
-def expression(given: object, where: str) -> Scalar:
+def expression(argument: object, where: str) -> Scalar:
     """A number, or an expression of sympy. Raises ModelError for NaN, infinity, texts and things that are neither."""
-    result = as_sympy(given)
+    result = as_sympy(argument)
     if not is_symbolic(result):
         if not is_number(result):
-            raise ModelError(f"{where}: {shown(given)} is not an expression; give a number, or one of coordinates, m.time and parameters")
+            raise ModelError(
+                f"{where}: {shown(argument)} is not an expression; give a number, or one of coordinates, m.time and parameters"
+            )
         return as_value(result, where)
     return without_kinks(check_expression(result, where), where)
 
 
-def _curve(model: Contents, given: object, where: str) -> object:
-    curve = model.curves.get(normal(given)) if isinstance(given, str) else given
+def _curve(model: Contents, argument: object, where: str) -> object:
+    curve = model.curves.get(normal(argument)) if isinstance(argument, str) else argument
     if curve is None or all(each is not curve for each in model.curves.values()):
-        raise ModelError(f"{where}: {shown(given)} is not a spline or a table of this model; make one with m.spline first")
+        raise ModelError(f"{where}: {shown(argument)} is not a spline or a table of this model; make one with m.spline first")
     return curve
 
 
-def _law(model: Contents, given: object, where: str) -> Expression:
+def _law(model: Contents, argument: object, where: str) -> Expression:
     """A tension as an expression of the symbols x and v, or as a function of both that returns one."""
     if taken := [name for name in LAW if name in model.numbers]:
         raise ModelError(f"{where}: the model has {model.numbers[taken[0]]!r}, which a law calls {LAW[taken[0]]}; rename it")
     import sympy
 
-    law = given(*sympy.symbols(" ".join(LAW), real=True)) if callable(given) else given
+    law = argument(*sympy.symbols(" ".join(LAW), real=True)) if callable(argument) else argument
     result = expression(law, where)
     _refuse_inputs(model, result, where)
-    return given if is_number(given) else sympy.sympify(result)
+    return argument if is_number(argument) else sympy.sympify(result)
 
 
 def coordinate(model: Contents, reference: object, where: str) -> Component | Relative:
@@ -226,50 +228,50 @@ def _several(kind: type[E]) -> Reader[tuple[E, ...]]:
     return reader
 
 
-def _text(model: Contents, given: object, where: str) -> str:
-    if not isinstance(given, str):
-        raise ModelError(f"{where}: {shown(given)} is not a text; give one in quotes")
-    return given
+def _text(model: Contents, argument: object, where: str) -> str:
+    if not isinstance(argument, str):
+        raise ModelError(f"{where}: {shown(argument)} is not a text; give one in quotes")
+    return argument
 
 
-def truth(value: object, what: str) -> bool:
+def truth(value: object, where: str) -> bool:
     """Return True or False. Raises ModelError for anything else."""
     if not isinstance(value, (bool, np.bool_)):
-        raise ModelError(f"{what}: {shown(value)} given; give True or False")
+        raise ModelError(f"{where}: {shown(value)} given; give True or False")
     return bool(value)
 
 
-def _truth(model: Contents, given: object, where: str) -> bool:
-    return truth(given, where)
+def _truth(model: Contents, argument: object, where: str) -> bool:
+    return truth(argument, where)
 
 
-def _held(model: Contents, given: object, where: str) -> bool | str:
-    if isinstance(given, str):
-        return given
-    if not isinstance(given, (bool, np.bool_)):
-        raise ModelError(f"{where}: {shown(given)} given; give True, False, or the axes that cannot move, such as 'z'")
-    return bool(given)
+def _held(model: Contents, argument: object, where: str) -> bool | str:
+    if isinstance(argument, str):
+        return argument
+    if not isinstance(argument, (bool, np.bool_)):
+        raise ModelError(f"{where}: {shown(argument)} given; give True, False, or the axes that cannot move, such as 'z'")
+    return bool(argument)
 
 
-def _number(model: Contents, given: object, where: str) -> float:
-    if not is_number(result := as_value(given, where)):
-        raise ModelError(f"{where}: {shown(given)} depends on parameters; give a number")
+def _number(model: Contents, argument: object, where: str) -> float:
+    if not is_number(result := as_value(argument, where)):
+        raise ModelError(f"{where}: {shown(argument)} depends on parameters; give a number")
     return result
 
 
-def _numbers(model: Contents, given: object, where: str) -> tuple[float, ...]:
-    return tuple(_number(model, each, f"{where}, {k}") for k, each in enumerate(sequence(given, where, "a list of numbers"), 1))
+def _numbers(model: Contents, argument: object, where: str) -> tuple[float, ...]:
+    return tuple(_number(model, each, f"{where}, {k}") for k, each in enumerate(sequence(argument, where, "a list of numbers"), 1))
 
 
-def _rows(model: Contents, given: object, where: str) -> tuple[tuple[float, ...], ...]:
-    many = tuple(given) if isinstance(given, np.ndarray) and given.ndim == 2 else sequence(given, where, "a list of places")
+def _rows(model: Contents, argument: object, where: str) -> tuple[tuple[float, ...], ...]:
+    many = tuple(argument) if isinstance(argument, np.ndarray) and argument.ndim == 2 else sequence(argument, where, "a list of places")
     return tuple(_numbers(model, each, f"{where}, {k}") for k, each in enumerate(many, 1))
 
 
-def _values(model: Contents, given: object, where: str) -> tuple[Value, ...]:
-    given = sequence(given, where, "three numbers")
-    marks = AXES if len(given) <= len(AXES) else map(str, range(1, len(given) + 1))
-    return tuple(value(model, each, f"{where}, {mark}") for each, mark in zip(given, marks))
+def _values(model: Contents, argument: object, where: str) -> tuple[Value, ...]:
+    argument = sequence(argument, where, "three numbers")
+    marks = AXES if len(argument) <= len(AXES) else map(str, range(1, len(argument) + 1))
+    return tuple(value(model, each, f"{where}, {mark}") for each, mark in zip(argument, marks))
 
 
 READERS: dict[str, Reader[object]] = {
@@ -288,7 +290,7 @@ READERS: dict[str, Reader[object]] = {
     "Values": _values,
     "Law": _law,
     "Expression": _still,
-    "Driven": lambda model, given, where: expression(given, where),
+    "Driven": lambda model, argument, where: expression(argument, where),
     "str": _text,
     "bool": _truth,
     "bool | str": _held,

@@ -60,8 +60,8 @@ def weights(base: np.ndarray | Sequence[ArrayLike], target: ArrayLike) -> list[f
     rows = [[_sum(a, b) for b in columns] + [_sum(a, wanted)] for a in columns]
     for k, row in enumerate(rows):  # the matrix is positive definite, so no pivot vanishes
         for other in rows[k + 1 :]:
-            share = other[k] / row[k]
-            other[:] = [x - share * y for x, y in zip(other, row, strict=True)]
+            ratio = other[k] / row[k]
+            other[:] = [x - ratio * y for x, y in zip(other, row, strict=True)]
     exact: list[Fraction] = []
     for row in reversed(rows):
         k = len(rows) - 1 - len(exact)

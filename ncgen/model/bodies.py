@@ -69,18 +69,23 @@ class Inertia:
     def plus(self, others: Iterable[Inertia], parameters: dict[str, Parameter]) -> Inertia:
         """All together, on the basis of this one."""
         parts = (*(self.parts or (self,)), *others)
-        masses = [as_sympy(part.mass) for part in parts]
+        masses = [as_sympy(inertia.mass) for inertia in parts]
         mass = total(masses)
         if sum(evaluate(m, parameters, self.name) for m in masses) == 0:  # nothing yet: parameters may give it a mass
             masses, mass = [1.0] * len(parts), float(len(parts))
         com = tuple(
             as_number_if_constant(total(m * as_sympy(x) for m, x in zip(masses, column, strict=True)) / mass)
-            for column in zip(*(part.com for part in parts), strict=True)
+            for column in zip(*(inertia.com for inertia in parts), strict=True)
         )
-        tensor = np.array([[total(part.about(com)[k][l] for part in parts) for l in range(3)] for k in range(3)], dtype=object)
-        is_judged = all(part.is_judged for part in parts)
+        tensor = np.array([[total(inertia.about(com)[k][l] for inertia in parts) for l in range(3)] for k in range(3)], dtype=object)
+        is_judged = all(inertia.is_judged for inertia in parts)
         return Inertia(
-            mass=total(as_sympy(part.mass) for part in parts), com=com, tensor=tensor, basis=self.basis, is_judged=is_judged, parts=parts
+            mass=total(as_sympy(inertia.mass) for inertia in parts),
+            com=com,
+            tensor=tensor,
+            basis=self.basis,
+            is_judged=is_judged,
+            parts=parts,
         )
 
     def numbers(self, parameters: dict[str, Parameter]) -> tuple[float, np.ndarray, np.ndarray]:
@@ -92,8 +97,8 @@ class Inertia:
     def at(self, parameters: dict[str, Parameter]) -> tuple[float, np.ndarray, np.ndarray]:
         """As `numbers`, at these parameters' defaults."""
         if self.parts:
-            own, *others = (replace(part, mass=m, com=c, tensor=t) for part in self.parts for m, c, t in (part.at(parameters),))
-            whole = own.plus(others, parameters)
+            first, *others = (replace(inertia, mass=m, com=c, tensor=t) for inertia in self.parts for m, c, t in (inertia.at(parameters),))
+            whole = first.plus(others, parameters)
             return evaluate(whole.mass, parameters, self.name), np.array(whole.com), whole.tensor.astype(float)
         mass, *rest = (evaluate(x, parameters, self.name) for x in (self.mass, *self.com, *self.tensor.flat))
         return mass, np.array(rest[:3]), np.array(rest[3:]).reshape(3, 3)
@@ -186,20 +191,20 @@ class Body:
             raise ModelError(f"body {self.name}, wrench: {shown(about)} is not a point; give one by itself")
 
         force, moment = sympy.zeros(3, 1), sympy.zeros(3, 1)
-        place = sympy.Matrix([c.symbol for c in about.components])
+        position = sympy.Matrix([c.symbol for c in about.components])
         for point in self.points:
             load = sympy.Matrix(self.force(point))
             force += load
-            moment += (sympy.Matrix([c.symbol for c in point.components]) - place).cross(load)
+            moment += (sympy.Matrix([c.symbol for c in point.components]) - position).cross(load)
         for vector in self.vectors:
             moment += sympy.Matrix(self.moment(vector))
         return JointLoad(*force), JointLoad(*moment)
 
-    def _load(self, given: Spatial | str, candidates: Sequence[Spatial], what: str) -> JointLoad:
-        owner_element = next((e for e in candidates if e is given or e.name == given), None)
+    def _load(self, element: Spatial | str, candidates: Sequence[Spatial], kind: str) -> JointLoad:
+        owner_element = next((e for e in candidates if e is element or e.name == element), None)
         if owner_element is None:
             known = ", ".join(e.name for e in candidates)
-            raise ModelError(f"body {self.name} has no {what} {shown(given)}; give one of its own: {known or 'it has none'}")
+            raise ModelError(f"body {self.name} has no {kind} {shown(element)}; give one of its own: {known or 'it has none'}")
         return JointLoad(*map(symbol_of, load_names(self, owner_element)))
 
     @property
@@ -255,8 +260,8 @@ def rod_tensor(mass: Value, start: Sequence[Scalar], end: Sequence[Scalar]) -> n
     """The tensor (3, 3) (kg m²) of a uniform rod about its centre, m/12 (d·d 1 − d dᵀ) with d from its start to its end (m)."""
     d = [b - a for a, b in zip(start, end, strict=True)]
     squared = total(x * x for x in d)
-    share = as_sympy(mass) / 12
-    rows = [[share * ((squared if k == l else 0.0) - x * y) for l, y in enumerate(d)] for k, x in enumerate(d)]
+    twelfth = as_sympy(mass) / 12
+    rows = [[twelfth * ((squared if k == l else 0.0) - x * y) for l, y in enumerate(d)] for k, x in enumerate(d)]
     return np.array(rows, dtype=object)
 
 

@@ -58,7 +58,7 @@ class RowType:
     data: names of the constants
     formula(f, **arguments): the raw equation, zero when satisfied
     scale: the constants whose product divides the scaled row, and a factor
-    size: the constants whose product is the natural size of the raw row
+    size: the constants whose product is the natural size of the raw row; None where only its gradient can tell
     equation: the text printed next to the generated code, over the arguments' names
     """
 
@@ -69,7 +69,7 @@ class RowType:
     formula: Formula
     scale_factor: float
     scale_data: tuple[str, ...]
-    size: tuple[str, ...]
+    size: tuple[str, ...] | None
     equation: str
 
     def __reduce__(self) -> tuple[Callable[[str], RowType], tuple[str]]:
@@ -143,6 +143,10 @@ def _length(f: Functions[N], a: Triple[N], s: N, L: N) -> N:
 
 def _slide(f: Functions[N], a: Triple[N], n: Triple[N], s: N, L: N) -> N:
     return dot(a, n) - s
+
+
+def _follow(f: Functions[N], s: N, z: N, k: N, c: N) -> N:
+    return s - k * z - c
 
 
 def _angle(key: str, formula: Formula, equation: str, extra: tuple[str, ...] = ()) -> RowType:
@@ -247,6 +251,17 @@ ROW_TYPES = {
             scale_data=(),
             size=("L",),
             equation="a.n - s",
+        ),
+        RowType(
+            key="follow",
+            vectors=(),
+            scalars=("s", "z"),
+            data=("k", "c"),
+            formula=_follow,
+            scale_factor=1.0,
+            scale_data=(),
+            size=None,
+            equation="s - k z - c",
         ),
         _angle("angle-cosine", _angle_cosine, "a.b - la lb cos psi"),
         _angle("angle-sine-x", _angle_sine(0), "(a x b - la lb n/ln sin psi).x"),

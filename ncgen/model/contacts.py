@@ -34,7 +34,7 @@ class Contact:
     """
 
     name: str
-    place: tuple[Scalar, ...]
+    position: tuple[Scalar, ...]
     sliding: tuple[Scalar, ...]
     friction: Value
     tangential: Value
@@ -163,8 +163,8 @@ class Contacts(Frictions):
         numbers = {c.name: c.initial for c in self.components} | {p.name: p.default for p in self.parameters.values()}
         contact_pair = touching(tip, surface, numbers, where)
         if stiffness is not None:
-            given = {"friction": friction, "restitution": restitution, "tangential": tangential}
-            self._comply(name, contact_pair.gap, stiffness, damping, exponent, given)
+            coefficients = {"friction": friction, "restitution": restitution, "tangential": tangential}
+            self._comply(name, contact_pair.gap, stiffness, damping, exponent, coefficients)
             return self.events[name]
         if not (is_number(damping) and damping == 0.0 and exponent == 1.0):
             raise ModelError(f"{where}: damping and exponent belong to a compliant contact; give its stiffness, or leave them out")
@@ -266,13 +266,19 @@ class Contacts(Frictions):
         marks = ("slip",) if len(contact_pair.sliding) == 1 else ("slip1", "slip2")
         slip = tuple(self.parameter(f"{name}.{mark}", 0.0).name for mark in marks)
         self.contacts[name] = Contact(
-            name=name, place=contact_pair.place, sliding=contact_pair.sliding, friction=friction, tangential=tangential, law=law, slip=slip
+            name=name,
+            position=contact_pair.position,
+            sliding=contact_pair.sliding,
+            friction=friction,
+            tangential=tangential,
+            law=law,
+            slip=slip,
         )
 
-    def _comply(self, name: str, gap: Scalar, stiffness: Value, damping: Value, exponent: Number, given: dict[str, Value]) -> None:
+    def _comply(self, name: str, gap: Scalar, stiffness: Value, damping: Value, exponent: Number, coefficients: dict[str, Value]) -> None:
         """A compliant contact: a force while it touches, with a break of the step where it does and where it no longer does."""
         where = f"contact {name}"
-        for word, value in given.items():
+        for word, value in coefficients.items():
             if not (is_number(value) and value == 0.0):
                 raise ModelError(
                     f"{where}: {word} and stiffness do not go together; {word} is of rigid contacts, so leave one of the two out"

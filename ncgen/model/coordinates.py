@@ -230,18 +230,18 @@ class Coordinates(Quantities):
         return coordinate
 
     def _spatial(self, kind: type[S], name: str, position: Values, fixed: bool | str) -> S:
-        what = kind.__name__.lower()
-        self._claim(name, what)
+        kind_name = kind.__name__.lower()
+        self._claim(name, kind_name)
         if isinstance(fixed, str) and set(fixed) - set(AXES):
-            raise ModelError(f"{what} {name}: fixed={fixed!r} is not made of the axes x, y, z; correct it")
+            raise ModelError(f"{kind_name} {name}: fixed={fixed!r} is not made of the axes x, y, z; correct it")
         if len(position) == 2:
             position, fixed = (*position, 0.0), fixed if fixed is True else f"{fixed or ''}z"
         if len(position) != 3:
-            raise ModelError(f"{what} {name}: {counted(len(position), 'number')} given; give three, or two for the plane z = 0")
+            raise ModelError(f"{kind_name} {name}: {counted(len(position), 'number')} given; give three, or two for the plane z = 0")
         held = AXES if fixed is True else fixed or ""
         components = []
         for axis, value in zip(AXES, position, strict=True):
-            number = self._number(value, f"{what} {name}, {axis}")
+            number = self._number(value, f"{kind_name} {name}, {axis}")
             components.append(Component(f"{name}.{axis}", axis in held, number if is_number(value) else value, number))
         return kind(name, tuple(components))
 

@@ -51,17 +51,17 @@ class Curve:
 
 def spline(name: str, knots: Numbers, values: Numbers, end: str) -> Curve:
     """A cubic spline with continuous second derivatives. Raises ModelError for an unknown end, and for what no spline goes through."""
-    what, periodic = f"spline {name}", end == "periodic"
-    one_of(end, f"{what}: end", ENDS)
-    x, y = _checked(what, knots, values, ENDS[end], periodic)
-    return _made(what, name, cubic(x, y, slopes_of(x, y, end), x[-1] - x[0] if periodic else 0.0))
+    where, periodic = f"spline {name}", end == "periodic"
+    one_of(end, f"{where}: end", ENDS)
+    x, y = _checked(where, knots, values, ENDS[end], periodic)
+    return _made(where, name, cubic(x, y, slopes_of(x, y, end), x[-1] - x[0] if periodic else 0.0))
 
 
 def table(name: str, knots: Numbers, values: Numbers, periodic: bool) -> Curve:
     """Straight lines from knot to knot. Raises ModelError like `spline`."""
-    what = f"table {name}"
-    x, y = _checked(what, knots, values, 2, periodic)
-    return _made(what, name, linear(x, y, x[-1] - x[0] if periodic else 0.0))
+    where = f"table {name}"
+    x, y = _checked(where, knots, values, 2, periodic)
+    return _made(where, name, linear(x, y, x[-1] - x[0] if periodic else 0.0))
 
 
 STEP = Curve("smooth_step", Pieces((0.0, 1.0), ((0.0,) * 7, (0.0, 0.0, 0.0, 0.0, 10.0, -15.0, 6.0), (1.0, 1.0, *(0.0,) * 5))))
@@ -107,31 +107,31 @@ BUILT_IN = {STEP.name: STEP}
 def check_curves(model: Contents, word: str, arguments: Mapping[str, object]) -> None:
     """Refuse expressions with curves of another model among the arguments of a builder method."""
     known = {**model.curves, **BUILT_IN}
-    for key, given in arguments.items():
-        for each in given if isinstance(given, (list, tuple)) else (given,):
+    for key, argument in arguments.items():
+        for each in argument if isinstance(argument, (list, tuple)) else (argument,):
             for curve in curves_in(each) if is_symbolic(each) else ():
                 if known.get(curve.name) != curve:
                     raise foreign(f"{word}, {key}", repr(curve))
 
 
-def _checked(what: str, knots: Numbers, values: Numbers, least: int, periodic: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _checked(where: str, knots: Numbers, values: Numbers, least: int, periodic: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Knots and values, unless they do not go together; of what repeats itself the last value is the first."""
     x, y = tuple(map(float, knots)), tuple(map(float, values))
     if len(x) != len(y):
-        raise ModelError(f"{what}: {counted(len(x), 'knot')} and {counted(len(y), 'value')} given; give a value for every knot")
+        raise ModelError(f"{where}: {counted(len(x), 'knot')} and {counted(len(y), 'value')} given; give a value for every knot")
     if not least <= len(x) <= MOST_KNOTS:
-        raise ModelError(f"{what}: {counted(len(x), 'knot')} given; give {least} to {MOST_KNOTS}")
+        raise ModelError(f"{where}: {counted(len(x), 'knot')} given; give {least} to {MOST_KNOTS}")
     for a, b in zip(x, x[1:]):
         if not a < b:
-            raise ModelError(f"{what}: the knot {b:.12g} follows {a:.12g}; give knots that increase")
+            raise ModelError(f"{where}: the knot {b:.12g} follows {a:.12g}; give knots that increase")
     if not periodic:
         return x, y
     if abs(y[-1] - y[0]) > PERIOD_TOLERANCE * max(map(abs, y)):
-        raise ModelError(f"{what}: it begins with {y[0]:.12g} and ends with {y[-1]:.12g}; what repeats itself ends as it begins")
+        raise ModelError(f"{where}: it begins with {y[0]:.12g} and ends with {y[-1]:.12g}; what repeats itself ends as it begins")
     return x, (*y[:-1], y[0])
 
 
-def _made(what: str, name: str, pieces: Pieces) -> Curve:
+def _made(where: str, name: str, pieces: Pieces) -> Curve:
     if not are_finite(pieces):
-        raise ModelError(f"{what}: knots are so close, or values so large, that its slopes are not finite; correct them")
+        raise ModelError(f"{where}: knots are so close, or values so large, that its slopes are not finite; correct them")
     return Curve(name, pieces)

@@ -68,8 +68,8 @@ def _words(value: object, known: set[int], words: list[str]) -> None:
     elif isinstance(value, (list, tuple, dict)):
         parts = value.items() if isinstance(value, dict) else value
         words.append(f"{len(value)} parts")
-        for part in parts:
-            _words(part, known, words)
+        for item in parts:
+            _words(item, known, words)
     elif is_dataclass(value):
         known.add(id(value))
         words.append(type(value).__name__)

@@ -35,15 +35,15 @@ def symbols_in(expression: sympy.Basic) -> set[sympy.Symbol]:
     return cast("set[sympy.Symbol]", expression.free_symbols)  # sympy says Basic of every symbol
 
 
-def check_expression(expression: object, what: str) -> sympy.Expr:
-    """The expression, unless it is not one of sympy's, too deep, or holds what is no finite real number; `what` names it.
+def check_expression(expression: object, where: str) -> sympy.Expr:
+    """The expression, unless it is not one of sympy's, too deep, or holds what is no finite real number; `where` names it.
 
     Every different part is looked at once, arguments first.
     """
     import sympy
 
     if not isinstance(expression, sympy.Expr):
-        raise ModelError(f"{what}: {shown(expression)} is not an expression; give one of coordinates, rates, time and parameters")
+        raise ModelError(f"{where}: {shown(expression)} is not an expression; give one of coordinates, rates, time and parameters")
     depth: dict[sympy.Basic, int] = {}
     values: dict[sympy.Basic, float] = {}
     stack: list[tuple[sympy.Basic, bool]] = [(expression, False)]
@@ -57,21 +57,21 @@ def check_expression(expression: object, what: str) -> sympy.Expr:
             continue
         depth[node] = 1 + max((depth[a] for a in node.args), default=0)
         if depth[node] > MAX_DEPTH:
-            raise ModelError(f"{what}: an expression of more than {MAX_DEPTH} levels; write it with fewer parentheses, or in parts")
+            raise ModelError(f"{where}: an expression of more than {MAX_DEPTH} levels; write it with fewer parentheses, or in parts")
         if node.is_Mul and len(node.args) > MOST_FACTORS:
-            raise ModelError(f"{what}: a product of {len(node.args)} factors; {MOST_FACTORS} are allowed")
+            raise ModelError(f"{where}: a product of {len(node.args)} factors; {MOST_FACTORS} are allowed")
         if isinstance(node, sympy.Expr) and node.is_number and all(a in values for a in node.args):
-            values[node] = _value(node, [values[a] for a in node.args], what)
+            values[node] = _value(node, [values[a] for a in node.args], where)
     return expression
 
 
-def _value(node: sympy.Expr, arguments: list[float], what: str) -> float:
+def _value(node: sympy.Expr, arguments: list[float], where: str) -> float:
     """The double that a number, or a function of numbers, stands for."""
     import sympy
 
     if isinstance(node, sympy.Rational) and max(node.p.bit_length(), node.q.bit_length()) > MOST_DIGITS:
         raise ModelError(
-            f"{what}: an exact number of {len(bin(max(abs(node.p), node.q))) - 2} binary digits; {MOST_DIGITS} are allowed, correct it"
+            f"{where}: an exact number of {len(bin(max(abs(node.p), node.q))) - 2} binary digits; {MOST_DIGITS} are allowed, correct it"
         )
     try:
         computed = node.func(*map(sympy.Float, arguments)) if arguments else node
@@ -79,5 +79,5 @@ def _value(node: sympy.Expr, arguments: list[float], what: str) -> float:
     except (TypeError, OverflowError):  # what is not real, and what is beyond the doubles
         value = math.nan
     if not math.isfinite(value):
-        raise ModelError(f"{what}: {shown(node)} is not a finite number; correct it")
+        raise ModelError(f"{where}: {shown(node)} is not a finite number; correct it")
     return value

@@ -73,8 +73,8 @@ class Load:
     def given(self) -> tuple[list[Combination | Component], list[Value]]:
         """What the vectors (combinations) and scalars (components) of the type stand for, and the values of its constants."""
         fields, count = list(vars(self).values())[1:], len(self.type.vectors + self.type.scalars)
-        places = [field.components[0] if isinstance(field, Relative) else field for field in fields[:count]]
-        return places, fields[count : count + len(self.type.data)]
+        arguments = [field.components[0] if isinstance(field, Relative) else field for field in fields[:count]]
+        return arguments, fields[count : count + len(self.type.data)]
 
 
 def _elastic(f: Functions[N], x: N, k: N, L0: N | int = 0, **others: N) -> N:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ncgen.errors import ModelError
+from ncgen.model.catalogue import ROW_TYPES
 from ncgen.model.displacements import Displacement
 from ncgen.model.elements import Component, Relative
 from ncgen.model.expressions import is_symbolic, symbols_in
@@ -137,11 +138,11 @@ class Frictions(OneSided):
         load, across = pressing
         if coefficient is None or load is None:
             raise ModelError(f"{where}: coefficient and load belong together; give both, or coulomb")
-        if given := [word for word, value in others.items() if value is not None]:
-            raise ModelError(f"{where}: {given[0]} does not go with the friction of a load; leave it out, or coefficient and load")
+        if conflicts := [word for word, value in others.items() if value is not None]:
+            raise ModelError(f"{where}: {conflicts[0]} does not go with the friction of a load; leave it out, or coefficient and load")
         rows = [row for row in (load, across) if row is not None]
         for row in rows:
-            if row.type is not None:
+            if row.type is not None and row.type is not ROW_TYPES["follow"]:
                 raise ModelError(
                     f"{where}: load {row.label} is a scaled constraint, whose multiplier is no force; write it by m.constrain, in m"
                 )

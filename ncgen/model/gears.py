@@ -9,10 +9,12 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.model import arithmetic, measures
+from ncgen.model import rows as row
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Point, Relative, Vector
 from ncgen.model.facts import fact
 from ncgen.model.joints import MIN_TILT, Joints
+from ncgen.model.own_constraints import USER
 from ncgen.model.rows import Owner, Row
 from ncgen.model.value_conditions import UNIT_LENGTH, Bound
 from ncgen.model.values import Scalar, Value, Values, as_sympy, is_number
@@ -47,11 +49,35 @@ class Gears(Joints):
         ModelError
             For a radius of 0.
         """
-        for what, radius in (("radius_first", radius_first), ("radius_second", radius_second)):
-            self._check_radius(f"gear {first.name}, {second.name}: {what}", radius)
+        for argument, radius in (("radius_first", radius_first), ("radius_second", radius_second)):
+            self._check_radius(f"gear {first.name}, {second.name}: {argument}", radius)
         balance = radius_first * first.symbol + radius_second * second.symbol
         start = radius_first * first.given[0] + radius_second * second.given[0]
         return self._turn_together("gear", first, second, balance - start)
+
+    @fact
+    def follow(self, coordinate: Relative, other: Relative, ratio: Value, offset: Value = 0.0) -> Row:
+        """Let an angle or a displacement follow another one: coordinate = ratio·other + offset, as the mimic of a robot's file does.
+
+        Parameters
+        ----------
+        coordinate, other : Relative
+            The one that follows, and the one that leads.
+        ratio : float or expression of parameters
+            How much faster the first one is.
+        offset : float or expression of parameters
+            What it is, in rad or m, where the other is 0.
+
+        Returns
+        -------
+        Row
+            The constraint.
+        """
+        label = f"{coordinate.name} follows {other.name}"
+        _check_two(label, coordinate, other)
+        for argument, value in (("ratio", ratio), ("offset", offset)):
+            self._number(value, f"{label}: {argument}")
+        return self._keep(row.follow(coordinate, other, ratio, offset, USER))
 
     @fact
     def rack(self, slide: Relative, angle: Relative, radius: Value) -> Row:
@@ -154,10 +180,14 @@ class Gears(Joints):
         )
 
     def _turn_together(self, kind: str, first: Relative, second: Relative, balance: sympy.Expr) -> Row:
-        if first is second:
-            raise ModelError(f"{kind}: {first!r} is tied to itself; give two coordinates")
+        _check_two(kind, first, second)
         owner = Owner("joint", f"{kind} {first.name}-{second.name}", joint=kind)
         return self.constrain(balance, f"{kind} {first.name}, {second.name}", owner)
+
+
+def _check_two(where: str, first: Relative, second: Relative) -> None:
+    if first is second:
+        raise ModelError(f"{where}: {first!r} is tied to itself; give two coordinates")
 
 
 def _height(normal: Values, centre: Point) -> Scalar:

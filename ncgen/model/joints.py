@@ -292,7 +292,7 @@ class Joints(Structure):
     @staticmethod
     def _check_kept(body: Body) -> None:
         if not body.rigid:
-            raise ModelError(f"rigid: body {body.name} has rows of its own (rigid=False); write those of the weld, too")
+            raise ModelError(f"rigid: body {body.name} has constraints of its own (rigid=False); write those of the weld, too")
 
     def _share(self, a: Body, b: Body, *elements: Spatial) -> None:
         if a is b:

@@ -38,8 +38,8 @@ def length(direction: Combination) -> Scalar:
 
 def natural_length(segment: Combination, extent: float) -> float:
     """A length to divide by what happens along a segment (m): its own, or where it is short or 0 that of the whole model."""
-    own = arithmetic.norm(segment.initial)
-    return own if own > MIN_RELATIVE_LENGTH * extent else extent or 1.0
+    segment_length = arithmetic.norm(segment.initial)
+    return segment_length if segment_length > MIN_RELATIVE_LENGTH * extent else extent or 1.0
 
 
 def cosine(a: Combination, b: Combination) -> Scalar:

@@ -187,11 +187,11 @@ def _with_names(options: object) -> object:
     return tuple(map(_with_names, options)) if type(options) is tuple else normal(options)
 
 
-def checked_model(given: object) -> Model:
+def checked_model(model: object) -> Model:
     """The model itself. Raises ModelError for anything else, such as an example's name."""
-    if isinstance(given, Model):
-        return given
-    raise ModelError(f"model: {shown(given)} given; give an ncgen.Model, such as ncgen.load makes")
+    if isinstance(model, Model):
+        return model
+    raise ModelError(f"model: {shown(model)} given; give an ncgen.Model, such as ncgen.load makes")
 
 
 BY_VALUE = ("cloudpickle", "dill")

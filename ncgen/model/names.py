@@ -43,32 +43,32 @@ def numbered(wish: str, is_taken: Callable[[str], bool]) -> str:
     return name
 
 
-def check_word(name: object, what: str) -> str:
+def check_word(name: object, kind: str) -> str:
     """The name, unless it is no word of letters, digits, '_' and '.' that begins with a letter: that is refused."""
     if not isinstance(name, str) or not name or not all(c.isalnum() or c in "_." for c in name) or not name[0].isalpha():
-        raise ModelError(f"{what} name {shown(name)}: give a word of letters, digits and '_' that begins with a letter")
+        raise ModelError(f"{kind} name {shown(name)}: give a word of letters, digits and '_' that begins with a letter")
     if len(name) > LONGEST_NAME:
-        raise ModelError(f"{what} name {shown(name)}: it has {len(name)} characters; use at most {LONGEST_NAME}")
+        raise ModelError(f"{kind} name {shown(name)}: it has {len(name)} characters; use at most {LONGEST_NAME}")
     return name
 
 
-def check_name(name: object, what: str) -> None:
+def check_name(name: object, kind: str) -> None:
     """Refuse a name that no expression could mention; between dots stand Python's identifiers, but none of its keywords."""
-    for part in check_word(name, what).split("."):
-        if not part.isidentifier():
-            raise ModelError(f"{what} name {shown(name)}: an expression could not mention it; let a letter follow every dot")
-        if keyword.iskeyword(part):
-            raise ModelError(f"{what} name {shown(name)}: {part} is a keyword of expressions; choose another")
+    for identifier in check_word(name, kind).split("."):
+        if not identifier.isidentifier():
+            raise ModelError(f"{kind} name {shown(name)}: an expression could not mention it; let a letter follow every dot")
+        if keyword.iskeyword(identifier):
+            raise ModelError(f"{kind} name {shown(name)}: {identifier} is a keyword of expressions; choose another")
 
 
-def check_scalar(name: str, what: str) -> None:
+def check_scalar(name: str, kind: str) -> None:
     """Refuse a scalar's name that means something else in every expression."""
     if name in RESERVED:
-        raise ModelError(f"{what} {name}: that is the name of {RESERVED[name]}; choose another")
+        raise ModelError(f"{kind} {name}: that is the name of {RESERVED[name]}; choose another")
 
 
-def word(name: str, what: str) -> str:
+def word(name: str, kind: str) -> str:
     """A name that a model can have: other signs become _, a letter comes first, _ follows a keyword, and a joint's that expressions use."""
     kept = "".join(c if c.isalnum() and f"a{c}".isidentifier() else "_" for c in normal(name))
-    kept = kept if kept[:1].isidentifier() and kept[0] != "_" else f"{what}_{kept}"
-    return f"{kept}_" if keyword.iskeyword(kept) or (what == "joint" and kept in RESERVED) else kept
+    kept = kept if kept[:1].isidentifier() and kept[0] != "_" else f"{kind}_{kept}"
+    return f"{kept}_" if keyword.iskeyword(kept) or (kind == "joint" and kept in RESERVED) else kept

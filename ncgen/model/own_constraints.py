@@ -186,7 +186,7 @@ class OwnConstraints(Coordinates):
         if getattr(coordinate, "fixed", False):
             raise ModelError(f"drive {name}: the coordinate is fixed; leave it free, or leave the driver out")
         if first := next((k for k, each in enumerate(self.rows, 1) if each.owner == owner), None):
-            raise ModelError(f"drive {name}: row {first} drives it already; leave one of the two drivers out")
+            raise ModelError(f"drive {name}: constraint {first} drives it already; leave one of the two drivers out")
         self.chosen_independent = tuple(n for n in self.chosen_independent if n != name)  # what is driven is not independent
         return self.constrain(coordinate.symbol - law, f"driver of {name}", owner)
 

@@ -228,8 +228,8 @@ class Pictures(Contents):
         where = f"polygon of {body.name}"
         if len(corners) < 3:
             raise ModelError(f"{where}: {len(corners)} corners given; give three or more")
-        places = np.array([_place(corner, where) for corner in corners])
-        normal = normal_of(places, where)
+        positions = np.array([_place(corner, where) for corner in corners])
+        normal = normal_of(positions, where)
         if not thickness >= 0:
             raise ModelError(f"{where}: the thickness is {float(thickness):g} m; give a positive number, or none")
         self._add(
@@ -237,10 +237,10 @@ class Pictures(Contents):
                 body=body,
                 kind="polygon",
                 sizes=(float(thickness),),
-                position=places[0],
+                position=positions[0],
                 rotation=rotation_to(normal),
                 colour=check_colour(colour, where),
-                corners=places,
+                corners=positions,
             )
         )
 
@@ -277,14 +277,14 @@ class Pictures(Contents):
             raise ModelError(f"mesh of {body.name}: {file!r} is no name of a file; nothing is fetched from elsewhere")
         if len(scale) != 3 or not all(scale):
             raise ModelError(f"{where}: the scale is three numbers that are not 0")
-        place = _place(position, where)
+        origin = _place(position, where)
         factors = tuple(map(float, scale))
         self._add(
             Solid(
                 body=body,
                 kind="mesh",
                 sizes=factors,
-                position=place,
+                position=origin,
                 rotation=_turn(rotation, body),
                 colour=check_colour(colour, where),
                 file=file,
@@ -342,8 +342,8 @@ class Pictures(Contents):
         where = f"{kind} of {body.name}"
         if position is None and not body.points:
             raise ModelError(f"{where}: it has no point to stand at; give its position")
-        place = np.mean([p.initial for p in body.points], axis=0) if position is None else _place(position, where)
-        self._add(Solid(body=body, kind=kind, sizes=sizes, position=place, rotation=rotation, colour=check_colour(colour, where)))
+        origin = np.mean([p.initial for p in body.points], axis=0) if position is None else _place(position, where)
+        self._add(Solid(body=body, kind=kind, sizes=sizes, position=origin, rotation=rotation, colour=check_colour(colour, where)))
 
     def _strut(self, start: Point, end: Point, radius: Number, length: float | None, colour: str | None, kind: str) -> None:
         where = f"{kind} {start.name}-{end.name}"
@@ -358,11 +358,11 @@ class Pictures(Contents):
         self.drawing.solids.append(solid)
 
 
-def _place(given: Numbers, where: str) -> np.ndarray:
+def _place(position: Numbers, where: str) -> np.ndarray:
     """Three numbers, or two in the plane z = 0."""
-    if len(given) not in (2, 3):
-        raise ModelError(f"{where}: {counted(len(given), 'number')} given; give three, or two in the plane")
-    return np.array([*given, 0.0][:3], dtype=float)
+    if len(position) not in (2, 3):
+        raise ModelError(f"{where}: {counted(len(position), 'number')} given; give three, or two in the plane")
+    return np.array([*position, 0.0][:3], dtype=float)
 
 
 def _turn(rotation: Numbers, body: Body) -> np.ndarray:

@@ -145,9 +145,9 @@ def _solved_around(rows: list[tuple[float, float, float, float]]) -> list[float]
     changed[-1] = (changed[-1][0], changed[-1][1] + under * corner / diagonal, 0.0)
     sides = [-diagonal, *(0.0 for _ in rows[2:]), under]
     plain = _solved([(*row, side) for row, (_, _, _, side) in zip(changed, rows, strict=True)])
-    share = _solved([(*row, side) for row, side in zip(changed, sides, strict=True)])
-    factor = (plain[0] - corner / diagonal * plain[-1]) / (1.0 + share[0] - corner / diagonal * share[-1])
-    return [x - factor * z for x, z in zip(plain, share, strict=True)]
+    correction = _solved([(*row, side) for row, side in zip(changed, sides, strict=True)])
+    factor = (plain[0] - corner / diagonal * plain[-1]) / (1.0 + correction[0] - corner / diagonal * correction[-1])
+    return [x - factor * z for x, z in zip(plain, correction, strict=True)]
 
 
 def are_finite(pieces: Pieces) -> bool:

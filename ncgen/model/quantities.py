@@ -165,22 +165,22 @@ class Quantities(Contents):
         self.curves[curve.name] = curve
         return curve
 
-    def _claim(self, name: str, what: str) -> None:
+    def _claim(self, name: str, kind: str) -> None:
         """Refuse a name that it or one of its coordinates has from something else."""
-        spatial = what in ("point", "vector")
+        spatial = kind in ("point", "vector")
         if not spatial:
-            check_scalar(name, what)
+            check_scalar(name, kind)
         for word in (name, *(f"{name}.{axis}" for axis in AXES if spatial)):
             if (bearer := self.bearer(word)) is not None:
                 raise ModelError(
-                    f"{what} {name}: the name {'' if word == name else word + ' '}is already used for {bearer!r}; choose another"
+                    f"{kind} {name}: the name {'' if word == name else word + ' '}is already used for {bearer!r}; choose another"
                 )
-        if name in LAW and what in ("parameter", "input") and any(spring.law is not None for spring in self.springs):
-            raise ModelError(f"{what} {name}: in the law of a spring that is the name of {LAW[name]}; choose another")
+        if name in LAW and kind in ("parameter", "input") and any(spring.law is not None for spring in self.springs):
+            raise ModelError(f"{kind} {name}: in the law of a spring that is the name of {LAW[name]}; choose another")
 
-    def _number(self, value: Value, what: str) -> float:
+    def _number(self, value: Value, where: str) -> float:
         """The number of a value at the parameters' defaults."""
-        return evaluate(value, self.parameters, what)
+        return evaluate(value, self.parameters, where)
 
     def _require(self, condition: Condition) -> None:
         """Raise ModelError where a condition does not hold at the parameters' defaults; keep it where they have a say in it."""

@@ -214,7 +214,7 @@ def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Paramet
         if weight != 0.0:
             e = e - other * weight
     a, b = (frame.directions[0], frame.directions[1]) if frame.is_crossed or turned != 0.0 else (e, e)
-    return [row.affine(axis, e, a, b, turned, size, frame.owner, f"combination {element.name}") for axis in range(3)]
+    return row.affine(e, a, b, turned, size, frame.owner, f"combination {element.name}")
 
 
 def _weights(frame: Frame, direction: Combination, size: float) -> list[float]:
@@ -240,7 +240,7 @@ def _parametric_weights(
         names = mentioned([*direction.given, *(x for d in base for x in d)], parameters)
         raise ModelError(
             f"{frame.owner}: {element!r} lies on the line or in the plane of the body's other elements only at the default of {names}; "
-            "choose a default that shows its general place"
+            "choose a default outside this special position"
         )
     return weights
 

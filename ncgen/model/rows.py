@@ -89,9 +89,9 @@ def natural_size(row: Row, number: Callable[[Value], float]) -> float | None:
     """The size of a row's value where it is grossly violated: what a residual is compared with.
 
     `number` turns a value into a float. For a scaled distance row this is L/2 (m), for all other rows of the catalogue that are scaled 1;
-    None for a row given as an expression, which only its gradient can tell.
+    None where only the row's gradient can tell, as of one given as an expression.
     """
-    if row.type is None:
+    if row.type is None or row.type.size is None:
         return None
     size = math.prod(number(row.data[name]) for name in row.type.size)
     scale = row.type.scale_factor / math.prod(number(row.data[name]) for name in row.type.scale_data) if row.scaled else 1.0
@@ -100,8 +100,8 @@ def natural_size(row: Row, number: Callable[[Value], float]) -> float | None:
 
 def describe(equation: str, values: Mapping[str, Combination | Value | Component]) -> str:
     """The equation of a row or a load with what its letters stand for."""
-    places = ", ".join(f"{name} = {_short(value)}" for name, value in values.items() if re.search(rf"\b{name}\b", equation))
-    return f"{equation} with {places}" if places else equation
+    substitutions = ", ".join(f"{name} = {_short(value)}" for name, value in values.items() if re.search(rf"\b{name}\b", equation))
+    return f"{equation} with {substitutions}" if substitutions else equation
 
 
 def _short(value: Combination | Value | Component) -> str:
@@ -201,17 +201,19 @@ def dot(a: Combination, b: Combination, value: Value, size: float, owner: Owner,
     )
 
 
-def affine(axis: int, e: Combination, a: Combination, b: Combination, cross_weight: Value, size: float, owner: Owner, label: str) -> Row:
-    """One component of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps."""
-    data = {"c": cross_weight, "L": size}
-    return Row(
-        owner=owner,
-        label=f"{label}.{AXES[axis]}",
-        code=None,
-        type=ROW_TYPES[f"affine-{AXES[axis]}"],
-        arguments={"e": e, "a": a, "b": b},
-        data=data,
-    )
+def affine(e: Combination, a: Combination, b: Combination, cross_weight: Value, size: float, owner: Owner, label: str) -> list[Row]:
+    """The components of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps."""
+    return [
+        Row(
+            owner=owner,
+            label=f"{label}.{axis}",
+            code=None,
+            type=ROW_TYPES[f"affine-{axis}"],
+            arguments={"e": e, "a": a, "b": b},
+            data={"c": cross_weight, "L": size},
+        )
+        for axis in AXES
+    ]
 
 
 def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
@@ -241,6 +243,13 @@ def slide_row(s: Relative, segment: Combination, axis: Combination, extent: floa
         data={"L": size},
         scaled=scaled,
     )
+
+
+def follow(coordinate: Relative, other: Relative, ratio: Value, offset: Value, owner: Owner) -> Row:
+    """coordinate = ratio other + offset."""
+    arguments = {"s": coordinate.components[0], "z": other.components[0]}
+    label = f"{coordinate.name} follows {other.name}"
+    return Row(owner=owner, label=label, type=ROW_TYPES["follow"], arguments=arguments, data={"k": ratio, "c": offset}, scaled=False)
 
 
 def _coordinate(s: Relative) -> Owner:

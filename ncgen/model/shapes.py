@@ -99,13 +99,13 @@ def check_colour(colour: str | None, where: str) -> str | None:
     return colour
 
 
-def check_sizes(sizes: Numbers, count: int, where: str, what: str) -> tuple[float, ...]:
+def check_sizes(sizes: Numbers, count: int, where: str, quantity: str) -> tuple[float, ...]:
     """So many positive numbers. Raises ModelError otherwise."""
     if len(sizes) != count:
-        raise ModelError(f"{where}: {counted(len(sizes), 'number')} given for the {what}; give {count}")
+        raise ModelError(f"{where}: {counted(len(sizes), 'number')} given for the {quantity}; give {count}")
     for size in sizes:
         if not size > 0:
-            raise ModelError(f"{where}: the {what} is {float(size):g}; give a positive number")
+            raise ModelError(f"{where}: the {quantity} is {float(size):g}; give a positive number")
     return tuple(map(float, sizes))
 
 

@@ -8,8 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.model import arithmetic, measures
-from ncgen.model import rows as row
 from ncgen.model.argument_readers import value
 from ncgen.model.bodies import (
     WORDS_OF_INERTIA,
@@ -22,16 +20,15 @@ from ncgen.model.bodies import (
     rod_tensor,
     symmetric,
 )
-from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
+from ncgen.model.body_elements import BodyElements
+from ncgen.model.elements import Point, Spatial, Vector
 from ncgen.model.facts import fact
-from ncgen.model.measures import Scalars
-from ncgen.model.own_constraints import OwnConstraints
-from ncgen.model.rigid import Frame, include
-from ncgen.model.rows import Owner, Row
+from ncgen.model.rigid import Frame
+from ncgen.model.rows import Owner
 from ncgen.model.values import Scalar, Tensor, Value, Values, as_number_if_constant, as_sympy, is_number
 
 
-class Structure(OwnConstraints):
+class Structure(BodyElements):
     """The part of a model that owns bodies."""
 
     @fact
@@ -141,77 +138,6 @@ class Structure(OwnConstraints):
         added = replace(self._inertia(body, mass, com, inertia, basis, name, as_given), name=name)
         body.inertia = body.inertia.plus([added], self.parameters) if body.inertia else added
 
-    @fact
-    def extend(self, body: Body, *elements: Spatial) -> None:
-        """Add points and vectors to a body, with the constraints that keep them in place.
-
-        Parameters
-        ----------
-        body : Body
-            The body; the ground takes what is fixed.
-        *elements : Point or Vector
-            What moves with it.
-        """
-        new = [e for e in dict.fromkeys(elements) if e not in body.elements]
-        if body is self.ground:
-            loose = [e for e in new if not e.fixed]
-            if loose:
-                raise ModelError(f"ground: {loose[0]!r} can move; make it fixed, or give it to a body")
-        body.points += [e for e in new if isinstance(e, Point)]
-        body.vectors += [e for e in new if isinstance(e, Vector)]
-        if any(isinstance(e, Point) for e in new):
-            check_moments(body)  # vectors come with joints, too; what could turn with them alone has no inertia, which a run refuses
-        if body.rigid and new:
-            self.rows += include(body.frame, new, self._related, self.parameters, self.scale, self.extent())
-            if body.constant_mass:
-                self._complete(body)
-            if body.frame.resting is not None:
-                self._rest(body)
-
-    @fact
-    def attach_point(self, body: Body, name: str, position: Values) -> Point:
-        """Add a new point to a body, such as where a spring is fixed.
-
-        Parameters
-        ----------
-        body : Body
-            The body; on the ground the point is fixed.
-        name : str
-            Name of the point.
-        position : sequence of float or expression of parameters, shape (3,) or (2,)
-            Initial position in m.
-
-        Returns
-        -------
-        Point
-            The point.
-        """
-        point = self.point(name, position, fixed=True if body is self.ground else "z" if body.frame.planar else False)
-        self.extend(body, point)
-        return point
-
-    @fact
-    def attach_vector(self, body: Body, name: str, direction: Values) -> Vector:
-        """Add a new unit vector to a body.
-
-        Parameters
-        ----------
-        body : Body
-            The body; on the ground the vector is fixed.
-        name : str
-            Name of the vector.
-        direction : sequence of float or expression of parameters, shape (3,) or (2,)
-            Initial direction.
-
-        Returns
-        -------
-        Vector
-            The vector.
-        """
-        vector = self.vector(name, direction, fixed=body is self.ground)
-        self.extend(body, vector)
-        return vector
-
     # -- helpers -------------------------------------------------------------------------------
 
     def _inertia(
@@ -269,131 +195,19 @@ class Structure(OwnConstraints):
             )
         return ends
 
-    def _rest(self, body: Body) -> None:
-        """Rows that keep a body where it stands: its origin, and three components of the first two directions of its base."""
-        frame, owner = body.frame, Owner("joint", f"rigid {body.name}-{self.ground.name}", (body.name, self.ground.name), "rigid")
-        made: list[Row] = []
-        if frame.resting == 0 and frame.origin is not None and not all(c.fixed for c in frame.origin.components):
-            place = self.point(self.free_name(f"{body.name}.rest"), frame.origin.given, fixed=True)
-            self.extend(self.ground, place)
-            offset = frame.origin - place
-            size = measures.natural_length(offset, self.extent())
-            made = [row.affine(axis, offset, offset, offset, 0.0, size, owner, f"rest of {frame.origin.name}") for axis in range(3)]
-        for number in range(frame.resting or 0, min(len(frame.directions), 2)):
-            direction = frame.directions[number]
-            if number == 0:
-                across = self.directions_across(self.ground, direction)
-            else:
-                normal = measures.cross(frame.directions[0].given, direction.given)
-                across = [as_combination(Constant.of("across", measures.unit(normal), self._numbers(measures.unit(normal))))]
-            made += [row.dot(direction, n, 0.0, arithmetic.norm(direction.initial), owner, f"rest {direction}", self.scale) for n in across]
-        frame.resting = max(1, len(frame.directions))
-        self.rows += [replace(new, measured=True) for new in made if not row.is_trivial(new)]
-
-    def _tensor(self, name: str, given: Tensor) -> np.ndarray:
+    def _tensor(self, name: str, tensor: Tensor) -> np.ndarray:
         """An inertia tensor as 3×3 values, from one for a flat body, its diagonal, or all."""
         try:
-            given = np.array(given, dtype=object)
+            tensor = np.array(tensor, dtype=object)
         except ValueError:
-            raise ModelError(f"body {name}, inertia: {shown(given)} given; give one number, three, or 3×3") from None
-        if given.shape not in ((), (3,), (3, 3)):
-            raise ModelError(f"body {name}: the inertia has shape {given.shape}; give one number (planar), (3,) or (3, 3)")
-        values = np.array([value(self, x, f"body {name}, inertia") for x in given.flat], dtype=object).reshape(given.shape)
+            raise ModelError(f"body {name}, inertia: {shown(tensor)} given; give one number, three, or 3×3") from None
+        if tensor.shape not in ((), (3,), (3, 3)):
+            raise ModelError(f"body {name}: the inertia has shape {tensor.shape}; give one number (planar), (3,) or (3, 3)")
+        values = np.array([value(self, x, f"body {name}, inertia") for x in tensor.flat], dtype=object).reshape(tensor.shape)
         if values.ndim == 0:
             moment = as_sympy(values.item())
-            values = np.array([moment * share for share in (0.5, 0.5, 1.0)], dtype=object)
+            values = np.array([moment * fraction for fraction in (0.5, 0.5, 1.0)], dtype=object)
         return np.diag(values) if values.ndim == 1 else values
-
-    def _complete(self, body: Body) -> None:
-        """An auxiliary unit vector that completes a body's base of two directions to three."""
-        if len(body.frame.directions) != 2 or body.frame.planar:
-            return
-        if body.frame.is_parametric:
-            direction = measures.cross(*body.frame.given)
-            size = measures.norm(direction)
-        else:
-            direction = np.cross(*body.frame.matrix().T)
-            size = arithmetic.norm(direction)
-        self.attach_vector(body, f"{body.name}.aux", tuple(x / size for x in direction))
-
-    def directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
-        """Return two directions of a body that are perpendicular to an axis and to each other in the initial position.
-
-        They are combinations of the body's base where that has three directions that are numbers, otherwise vectors of the body: those that
-        it has, or new ones.
-
-        Parameters
-        ----------
-        body : Body
-            The body.
-        axis : Combination
-            The axis.
-
-        Returns
-        -------
-        tuple of Combination
-            The two directions.
-        """
-        e = arithmetic.unit(axis.initial)
-        helper = np.eye(3)[np.argmin(np.abs(e))]
-        if axis.is_parametric:
-            e = measures.unit(axis.given)
-            first = measures.unit(measures.cross(e, helper))
-            second = measures.cross(e, first)
-        else:
-            first = arithmetic.unit(np.cross(e, helper))
-            second = np.cross(e, first)
-        return self.direction_of(body, first, "across1"), self.direction_of(body, second, "across2")
-
-    def direction_of(self, body: Body, direction: Scalars, wish: str) -> Combination:
-        """Return a direction that moves with a body.
-
-        Parameters
-        ----------
-        body : Body
-            The body.
-        direction : sequence of float or expression of parameters, shape (3,)
-            The direction in the initial position.
-        wish : str
-            How a new vector is called, if that name is free.
-
-        Returns
-        -------
-        Combination
-            The direction.
-        """
-        numbers = self._numbers(direction)
-        if body is self.ground:
-            return as_combination(Constant.of(wish, direction, numbers))
-        if body.frame.planar and abs(numbers[2]) < 1e-12:
-            return as_combination(self.attach_vector_in_plane(body, direction, wish))
-        if len(body.frame.directions) < 3 or body.frame.is_parametric or not all(map(is_number, direction)):
-            same = next((v for v in body.vectors if v.given == tuple(direction)), None)
-            return as_combination(same or self.attach_vector(body, self.free_name(f"{body.name}.{wish}"), direction))
-        weights = arithmetic.weights(body.frame.matrix().T, numbers)
-        parts = [other * weight for weight, other in zip(weights, body.frame.directions, strict=True) if abs(weight) > 1e-14]
-        return sum(parts[1:], parts[0])
-
-    def attach_vector_in_plane(self, body: Body, direction: Scalars, wish: str) -> Vector:
-        """Add a new unit vector of the plane to a body.
-
-        Parameters
-        ----------
-        body : Body
-            The body.
-        direction : sequence of float or expression of parameters, shape (3,)
-            Initial direction, of which z is left out.
-        wish : str
-            How it is called, if that name is free.
-
-        Returns
-        -------
-        Vector
-            The vector.
-        """
-        vector = self.vector(self.free_name(f"{body.name}.{wish}"), (direction[0], direction[1], 0.0), fixed="z")
-        self.extend(body, vector)
-        return vector
 
 
 def _middle(points: list[Point]) -> tuple[Scalar, ...]:

@@ -93,10 +93,10 @@ def from_tables(
     return model
 
 
-def _counted(number: object, where: str, what: str) -> float:
+def _counted(number: object, where: str, quantity: str) -> float:
     """A number that counts something, such as an element. Raises ModelError where it is no plain number."""
     if not is_number(number):
-        raise ModelError(f"{where}: {shown(number)} is not a plain number; give the {what}")
+        raise ModelError(f"{where}: {shown(number)} is not a plain number; give the {quantity}")
     return float(number)
 
 

@@ -33,7 +33,7 @@ class Touching:
     """
 
     gap: Scalar
-    place: tuple[Scalar, ...]
+    position: tuple[Scalar, ...]
     sliding: tuple[Scalar, ...]
 
 
@@ -78,14 +78,18 @@ def touching(tip: Tip, surface: ContactSurface, initial: dict[str, float], where
     if surface.curve is not None and not flat:
         raise ModelError(f"{where}: a curve is touched in the plane only; in space take a sphere, a cylinder or a plane")
     gap, normal, offset = _distance(tip, surface, where)
-    place = _position(tip.point) + offset
-    own = _velocity(tip.point) + _carried(tip.body, offset, where)
-    other = _velocity(surface.point) + _carried(surface.body, place - _position(surface.point), where) if not surface.is_ground else 0 * own
+    position = _position(tip.point) + offset
+    tip_velocity = _velocity(tip.point) + _carried(tip.body, offset, where)
+    other = (
+        _velocity(surface.point) + _carried(surface.body, position - _position(surface.point), where)
+        if not surface.is_ground
+        else 0 * tip_velocity
+    )
     if flat:
         tangents = [_vector((normal[1], -normal[0], 0))]
     else:
         tangents = _tangents(normal, surface, initial)
-    return Touching(gap, tuple(place), tuple(t.dot(own - other) for t in tangents))
+    return Touching(gap, tuple(position), tuple(t.dot(tip_velocity - other) for t in tangents))
 
 
 def _distance(tip: Tip, surface: ContactSurface, where: str) -> tuple[Scalar, Three, Three]:
@@ -138,18 +142,18 @@ def _carried(body: Body, vector: Three, where: str) -> Three:
     if len(directions) < 2:
         raise ModelError(f"{where}: body {body.name} has no directions with which it turns; give it another point, or vectors")
     base, rates = ([_symbols(d, rate) for d in directions] for rate in (False, True))
-    given = [d.given for d in directions]
+    axes = [d.given for d in directions]
     if len(base) == 2:
         rates.append(rates[0].cross(base[1]) + base[0].cross(rates[1]))
         base.append(base[0].cross(base[1]))
-        given.append(measures.cross(*given))
-    dual = measures.reciprocal(given)
+        axes.append(measures.cross(*axes))
+    dual = measures.reciprocal(axes)
     inverse = _without_rounding([[measures.dot(a, b) for b in dual] for a in dual])
     along = [vector.dot(each) for each in base]
     shares = [sum(w * x for w, x in zip(row, along, strict=True)) for row in inverse]
     turned = 0 * vector
-    for share, rate in zip(shares, rates, strict=True):
-        turned += share * rate
+    for coefficient, rate in zip(shares, rates, strict=True):
+        turned += coefficient * rate
     return turned
 
 

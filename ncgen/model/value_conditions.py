@@ -145,7 +145,7 @@ class Cosine(Condition):
             return f"{self.where}: the cosine is {cosine:.12g}; give a number between -1 and 1"
         angle = "0" if cosine > 0 else "pi"
         return (
-            f"{self.where}: the cosine is {cosine:.12g}, an angle of {angle}, where this row says no more than the unit length; "
+            f"{self.where}: the cosine is {cosine:.12g}, an angle of {angle}, where this constraint says no more than the unit length; "
             "share the vector, or use a parallel row"
         )
 

@@ -157,11 +157,11 @@ def is_number(value: object) -> TypeIs[Number]:
 
 
 @overload
-def as_value(value: Number, what: str) -> float: ...
+def as_value(value: Number, where: str) -> float: ...
 @overload
-def as_value(value: object, what: str) -> float | Parameter | sympy.Expr: ...
-def as_value(value: object, what: str) -> float | Parameter | sympy.Expr:
-    """Check one number as the user wrote it; `what` names it in the message.
+def as_value(value: object, where: str) -> float | Parameter | sympy.Expr: ...
+def as_value(value: object, where: str) -> float | Parameter | sympy.Expr:
+    """Check one number as the user wrote it; `where` names it in the message.
 
     Returns a float, a `Parameter` or a sympy expression. Raises ModelError for NaN, infinity, numbers
     beyond `MAX_NUMBER`, and things that are no numbers.
@@ -169,19 +169,19 @@ def as_value(value: object, what: str) -> float | Parameter | sympy.Expr:
     if isinstance(value, Parameter):
         return value
     if is_symbolic(value):
-        value = check_expression(value, what)
+        value = check_expression(value, where)
         if value.free_symbols:
             return value
     elif not is_number(value):
-        raise ModelError(f"{what}: {shown(value)} is not a number; give a number, a parameter or an expression of parameters")
+        raise ModelError(f"{where}: {shown(value)} is not a number; give a number, a parameter or an expression of parameters")
     try:
         number = float(value)
     except OverflowError:
-        raise ModelError(f"{what}: {shown(value)} is not a finite number; correct it") from None
+        raise ModelError(f"{where}: {shown(value)} is not a finite number; correct it") from None
     if not math.isfinite(number):
-        raise ModelError(f"{what}: {number} is not a finite number; correct it")
+        raise ModelError(f"{where}: {number} is not a finite number; correct it")
     if abs(number) > MAX_NUMBER:
-        raise ModelError(f"{what}: {number:g} is too large; the largest number is {MAX_NUMBER:g}, check the unit")
+        raise ModelError(f"{where}: {number:g} is too large; the largest number is {MAX_NUMBER:g}, check the unit")
     return number
 
 
@@ -196,7 +196,7 @@ def total(values: Iterable[Scalar]) -> Scalar:
     return math.fsum(terms) if all(isinstance(x, (int, float)) for x in terms) else as_number_if_constant(sum(terms))
 
 
-def evaluate(value: Value, parameters: dict[str, Parameter], what: str) -> float:
+def evaluate(value: Value, parameters: dict[str, Parameter], where: str) -> float:
     """The number a value has at the parameters' defaults.
 
     Raises ModelError if an expression mentions something that is not a parameter of the model, or is not a real number there.
@@ -208,14 +208,14 @@ def evaluate(value: Value, parameters: dict[str, Parameter], what: str) -> float
     symbols = symbols_in(value)
     unknown = sorted(s.name for s in symbols if s.name not in parameters)
     if unknown:
-        raise ModelError(f"{what}: {unknown[0]} is not a parameter of this model; declare it with m.parameter")
+        raise ModelError(f"{where}: {unknown[0]} is not a parameter of this model; declare it with m.parameter")
     number = value.subs({s: parameters[s.name].default for s in symbols})
     try:
         result = float(number)
     except (TypeError, OverflowError):  # complex, or beyond the doubles
         result = math.nan
     if not math.isfinite(result):
-        raise ModelError(f"{what}: {shown(value)} is {shown(number)} at the parameters' defaults, not a finite number; correct it")
+        raise ModelError(f"{where}: {shown(value)} is {shown(number)} at the parameters' defaults, not a finite number; correct it")
     return result
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from ncgen.errors import shown
 from ncgen.model.values import text_of
 from ncgen.program.accumulation import combine, take_constants
-from ncgen.program.binding import BoundTerm, Derived, Places, Reference, Structure, bind
+from ncgen.program.binding import BoundTerm, Derived, Reference, Structure, TermOperands, bind
 from ncgen.program.ir import passes
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Block, Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
@@ -58,8 +58,10 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     """Build the programs of every kernel the mechanism needs."""
     omitted = list(equations.omitted)
     built = programs_of(KERNELS.values(), equations, EMISSIONS[emission])
+    if (power := built["power"].program) and _is_zero(power):
+        built["power"] = Built(None, None)
     for name, (program, _) in built.items():
-        if program is None:
+        if program is None and name != "power":  # which says no more than "energy" does
             omitted.append(f"kernel {name}: nothing in this mechanism contributes to it")
     omitted += _folded(equations)
     programs = {name: program for name, (program, _) in built.items() if program is not None}
@@ -69,7 +71,8 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
         if length <= MOST_FUSED:
             programs["constraints"] = _constraints(programs, pattern, equations)
         else:
-            omitted.append(f"kernel constraints: {length} operations of phi, phi_q and gamma are written out once, not once more together")
+            words = "operations of phi, phi_q and gamma are emitted once, and not once more in one function"
+            omitted.append(f"kernel constraints: {length} {words}")
     programs = {name: share_angles(program) for name, program in programs.items()}
     return Programs(
         equations=equations, programs=programs, phi_q=pattern, mass=built["mass"].matrix, emission=emission, omitted=tuple(omitted)
@@ -81,6 +84,19 @@ CONSTRAINT_KERNELS = ("phi", "phi_q", "gamma")
 
 MOST_FUSED = 4000
 """Statements of these up to which "constraints" is made: it compiles as long as they do, a humanoid 5 s, and saves a sixth of a call."""
+
+
+def _is_zero(program: Program) -> bool:
+    """True if a program writes nothing but zeros, by structure."""
+    stores = [(block, store) for block in program.blocks for store in block.stores if store.array == program.name]
+    return all(_writes_zeros(block, store) for block, store in stores)
+
+
+def _writes_zeros(block: Block, store: Store | TableStore) -> bool:
+    op = block.ops[store.node]
+    if op.code == "slot" and (slot := block.slots[op.slot]).array == "const":
+        return not any(slot.table)
+    return op.code == "const" and op.value == 0.0
 
 
 def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Terms) -> Program:
@@ -109,17 +125,17 @@ def programs_of(kernels: Iterable[Kernel], equations: Terms, least: float) -> di
     derived = Derived()
     bound = {term: _bind(term, equations, derived) for term in (*equations.rows, *with_inertia(equations))}
     n, m = len(equations.free), len(equations.model.rows)
-    lengths = {"n": n, "m": m, "e": len(ENERGIES)}
+    lengths = {"n": n, "m": m, "e": len(ENERGIES), "w": 1}
     built: dict[str, Built] = {}
     for kernel in kernels:
         groups = [_build(kernel, members, equations) for members in _groups(kernel, equations, bound)]
-        places = _places(groups, equations)
+        positions = _places(groups, equations)
         shape = tuple(lengths[axis] for axis in kernel.shape)
-        pattern = Pattern.of((shape[0], shape[1]), places) if len(shape) == 2 else None
-        index: dict[tuple[int, ...], int] = {**pattern.positions()} if pattern else {place: place[0] for place in places}
+        pattern = Pattern.of((shape[0], shape[1]), positions) if len(shape) == 2 else None
+        index: dict[tuple[int, ...], int] = {**pattern.positions()} if pattern else {position: position[0] for position in positions}
         size = pattern.nonzeros if pattern else shape[0]
         program = None
-        if size and (places or kernel.name in CONSTRAINT_KERNELS):
+        if size and (positions or kernel.name in CONSTRAINT_KERNELS):
             program = _program(kernel, groups, index, size, equations, derived, least)
             verify(program, input_lengths(equations))
         built[kernel.name] = Built(program, pattern)
@@ -161,11 +177,11 @@ def _build(kernel: Kernel, members: list[BoundTerm], equations: Terms) -> Contri
 
 def parts_of(kernel: Kernel, bound: BoundTerm, graph: Graph, read: Callable[[Reference], int]) -> list[tuple[Place, int]]:
     """(place, node) of what a term contributes to a kernel; structural zeros stay out. read(reference) gives inputs."""
-    places = Places(graph, bound, read)
+    operands = TermOperands(graph, bound, read)
     wanted = [key for key in bound.template.outputs if key.name in kernel.wants]
     with labelled_errors(bound.term.label):
-        outputs = bound.template.replay(graph, places.symbol, wanted)
-        return [(place, node) for place, node in kernel.parts(places, outputs) if graph.value(node) != 0.0]
+        outputs = bound.template.replay(graph, operands.symbol, wanted)
+        return [(position, node) for position, node in kernel.parts(operands, outputs) if graph.value(node) != 0.0]
 
 
 def _slot(reference: Reference, members: Sequence[BoundTerm], equations: Terms) -> Slot | Column:
@@ -179,7 +195,7 @@ def _slot(reference: Reference, members: Sequence[BoundTerm], equations: Terms) 
     return Slot(kind, tuple(equations.index[b.coordinates[k]] for b in members))
 
 
-def place_of(place: Place, bound: BoundTerm, equations: Terms) -> tuple[int, ...]:
+def place_of(position: Place, bound: BoundTerm, equations: Terms) -> tuple[int, ...]:
     """Where a contribution goes: numbers of a row, of coordinates, of an energy or of a parameter of the mechanism."""
 
     def number(axis: Axis) -> int:
@@ -188,11 +204,11 @@ def place_of(place: Place, bound: BoundTerm, equations: Terms) -> tuple[int, ...
             return equations.index[bound.coordinates[k]]
         return bound.row if kind == "row" else k
 
-    return tuple(map(number, place))
+    return tuple(map(number, position))
 
 
 def _places(groups: list[Contribution], equations: Terms) -> set[tuple[int, ...]]:
-    return {place_of(place, b, equations) for g in groups for place, _ in g.parts for b in g.members}
+    return {place_of(position, b, equations) for g in groups for position, _ in g.parts for b in g.members}
 
 
 def _program(
@@ -225,7 +241,8 @@ def _program(
 
 def _loop(kernel: Kernel, group: Contribution, index: Mapping[tuple[int, ...], int], equations: Terms) -> Loop:
     stores = tuple(
-        TableStore(kernel.name, tuple(index[place_of(place, b, equations)] for b in group.members), node) for place, node in group.parts
+        TableStore(kernel.name, tuple(index[place_of(position, b, equations)] for b in group.members), node)
+        for position, node in group.parts
     )
     bound = group.members[0]
     names = {group.graph.slot(number): reference_name(bound, reference) for number, (reference, _) in enumerate(group.slots)}

@@ -130,14 +130,14 @@ def bind(term: Term, equations: Terms, derived: Derived) -> BoundTerm:
         pairs: Pairs = []
         for k, (weight, component) in enumerate(form):
             head, _, axis = name.rpartition("_") if len(form) > 1 else ("", "", "")
-            place = f"{head}{k}_{axis}" if head else name
-            pairs.append((value(weight, f"weight_{place}"), coordinate(component, place)))
+            suffix = f"{head}{k}_{axis}" if head else name
+            pairs.append((value(weight, f"weight_{suffix}"), coordinate(component, suffix)))
         bound.scalars.append(pairs)
     bound.data = {n: value(v, n) for n, v in zip(term.template.data, term.data, strict=True)}
     return bound
 
 
-class Places:
+class TermOperands:
     """Turns a term's references into operations of a graph.
 
     read(reference) gives the node of what a reference stands for.

@@ -26,13 +26,13 @@ def assemble_start(numbering: Numbering) -> tuple[Program, Program]:
     """The two programs."""
     graph = Graph()
     parameters, nodes = _nodes(graph, numbering.model, [c.value for c in numbering.free])
-    slopes = [gradient(graph, node, parameters.values()) for node in nodes]
+    derivatives = [gradient(graph, node, parameters.values()) for node in nodes]
     zero = graph.const(0.0)
-    entries = [row.get(p, zero) for row in slopes for p in parameters.values()]
-    slopes = _program("start_p", graph, entries)
-    (block,) = slopes.blocks  # what is not written is 0, as most derivatives are
+    entries = [row.get(p, zero) for row in derivatives for p in parameters.values()]
+    derivatives = _program("start_p", graph, entries)
+    (block,) = derivatives.blocks  # what is not written is 0, as most derivatives are
     kept = tuple(store for store in block.stores if block.ops[store.node].leaf != 0.0)
-    return _program("start", graph, nodes), replace(slopes, blocks=(finish(replace(block, stores=kept)),))
+    return _program("start", graph, nodes), replace(derivatives, blocks=(finish(replace(block, stores=kept)),))
 
 
 def assemble_described(numbering: Numbering, components: Iterable[Component]) -> Program:

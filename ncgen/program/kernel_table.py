@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
-from ncgen.program.binding import Places
+from ncgen.program.binding import TermOperands
 from ncgen.program.programs import ENERGIES
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import TemplateOutput
@@ -29,7 +29,7 @@ Place: TypeAlias = tuple[Axis, ...]
 Nodes: TypeAlias = dict[TemplateOutput, int]
 """{output of a template: its node}."""
 
-Parts: TypeAlias = Callable[[Places, Nodes], Iterable[tuple[Place, int]]]
+Parts: TypeAlias = Callable[[TermOperands, Nodes], Iterable[tuple[Place, int]]]
 """(places, outputs) -> the contributions of a term: pairs (place, node)."""
 
 ROW = Axis("row")
@@ -39,7 +39,7 @@ ROW = Axis("row")
 class Kernel:
     """What a kernel is: its inputs, which terms enter, and how a term contributes.
 
-    shape: the output's axes, "m" rows, "n" coordinates, "e" energies, "p" parameters; two axes make a sparse matrix
+    shape: the output's axes, "m" rows, "n" coordinates, "e" energies, "w" the power, "p" parameters; two axes make a sparse matrix
     wants: names of the outputs of templates that contributions are made of
     """
 
@@ -52,7 +52,7 @@ class Kernel:
 
 
 def _row(name: str) -> Parts:
-    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+    def parts(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
         yield (ROW,), outputs[TemplateOutput(name)]
 
     return parts
@@ -61,9 +61,9 @@ def _row(name: str) -> Parts:
 def chain(name: str, order: int, by_row: bool) -> Parts:
     """Contributions per coordinate (order 1) or pair of coordinates (order 2), by the chain rule."""
 
-    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
-        graph = places.graph
-        weights = [places.weights(c) for c in range(len(places.bound.coordinates))]
+    def parts(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        graph = operands.graph
+        weights = [operands.weights(c) for c in range(len(operands.bound.coordinates))]
         axes = [Axis("coordinate", c) for c in range(len(weights))]
         head = (ROW,) if by_row else ()
         made: dict[tuple[int, int], int] = {}
@@ -82,10 +82,15 @@ def chain(name: str, order: int, by_row: bool) -> Parts:
     return parts
 
 
-def _energies(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+def _energies(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
     for k, name in enumerate(ENERGIES):
         if TemplateOutput(name) in outputs:
             yield (Axis("energy", k),), outputs[TemplateOutput(name)]
+
+
+def _power(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+    if TemplateOutput("power") in outputs:
+        yield (Axis("energy"),), outputs[TemplateOutput("power")]
 
 
 POSITION, VELOCITY = ("t", "q", "p"), ("t", "q", "qd", "p")
@@ -114,5 +119,6 @@ KERNELS = {
         Kernel(name="mass", inputs=POSITION, shape="nn", terms=_masses, wants=("mass",), parts=chain("mass", 2, False)),
         Kernel(name="force", inputs=VELOCITY, shape="n", terms=with_inertia, wants=("force",), parts=chain("force", 1, False)),
         Kernel(name="energy", inputs=VELOCITY, shape="e", terms=with_inertia, wants=ENERGIES, parts=_energies),
+        Kernel(name="power", inputs=VELOCITY, shape="w", terms=with_inertia, wants=("power",), parts=_power),
     ]
 }

@@ -48,9 +48,9 @@ class Lines:
         for term in kernel.terms(self.equations):
             with labelled_errors(term.label):
                 bound = bind(term, self.equations, self.derived)
-            for place, node in parts_of(kernel, bound, self.graph, partial(self._read, bound)):
-                sums[place_of(place, bound, self.equations)].append(node)
-        return {place: self.graph.sum(nodes) for place, nodes in sums.items()}
+            for position, node in parts_of(kernel, bound, self.graph, partial(self._read, bound)):
+                sums[place_of(position, bound, self.equations)].append(node)
+        return {position: self.graph.sum(nodes) for position, nodes in sums.items()}
 
     def vector(self, kernel: Kernel) -> dict[int, int]:
         """{number: node} of a kernel whose output is a vector."""

@@ -21,7 +21,7 @@ from ncgen.model.elements import Component
 from ncgen.model.forces import FORCE_TYPES
 from ncgen.model.values import Parameter, Value, is_number
 from ncgen.model.values import evaluate as evaluated
-from ncgen.symbolic import templates
+from ncgen.symbolic import force_templates, mass_templates, templates
 from ncgen.symbolic.equations import Equations
 from ncgen.symbolic.templates import SCALE, Template
 from ncgen.symbolic.term import LinearForm, Term
@@ -47,15 +47,16 @@ def drive() -> Template:
 def push() -> Template:
     """A constant force along a scalar, whose work is counted."""
     (f,) = templates.symbols(["f"])
-    return templates.user_force("push", ("x",), ("f",), {0: f})
+    return force_templates.user_force("push", ("x",), ("f",), {0: f})
 
 
 @cache
 def types() -> tuple[Template, ...]:
     """The types of terms, in the order of their numbers."""
     rows = tuple(map(templates.row_template, ROW_TYPES))
-    masses = (templates.mass_diagonal(), templates.mass_pair(), templates.cross_product_body())
-    return (*rows, drive(), *masses, templates.weight(), templates.energy_offset(), *map(templates.force_template, FORCE_TYPES), push())
+    masses = (mass_templates.mass_diagonal(), mass_templates.mass_pair(), mass_templates.cross_product_body())
+    weights = (mass_templates.weight(), mass_templates.energy_offset())
+    return (*rows, drive(), *masses, *weights, *map(force_templates.force_template, FORCE_TYPES), push())
 
 
 class Placed(NamedTuple):
@@ -77,9 +78,9 @@ class Placed(NamedTuple):
 def term_table(equations: Equations) -> np.ndarray:
     """The table of a mechanism, parameters at their defaults. Raises ModelError for what no type describes, such as a user's formula that
     is neither a polynomial of degree 2 nor a constant speed."""
-    places = partial(_placed, equations)
-    rows = [placed for term in equations.rows for placed in places(term)]
-    others = [placed for term in (*equations.masses, *equations.forces) for placed in places(term)]
+    entries_of = partial(_placed, equations)
+    rows = [placed for term in equations.rows for placed in entries_of(term)]
+    others = [placed for term in (*equations.masses, *equations.forces) for placed in entries_of(term)]
     return laid_out(len(equations.free), len(equations.rows), rows, others)
 
 
@@ -167,10 +168,10 @@ def _products(equations: Equations, term: Term, written: sympy.Poly, components:
     row = term.row if term.row is not None else -1
     placed_terms: list[Placed] = []
     for k in range(0, max(len(products), 1), PRODUCTS):
-        part = products[k : k + PRODUCTS]
-        empty = [(0.0, [])] * (PRODUCTS - len(part))
-        a = [(0.0, [(value, i)]) for value, i, _ in part] + empty
-        b = [(0.0, [(1.0, j)]) for _, _, j in part] + empty
+        chunk = products[k : k + PRODUCTS]
+        empty = [(0.0, [])] * (PRODUCTS - len(chunk))
+        a = [(0.0, [(value, i)]) for value, i, _ in chunk] + empty
+        b = [(0.0, [(1.0, j)]) for _, _, j in chunk] + empty
         s = (constant, linear) if k == 0 else (0.0, [])
         placed_terms.append(Placed("slide", row, [*a, *b, s], [1.0, 1.0]))
     if speed:

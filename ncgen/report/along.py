@@ -25,8 +25,11 @@ from ncgen.solver.trajectories.trajectory import Trajectory
 ARRAYS = {"t": "K", "q": "Kn", "qd": "Kn", "work": "K", "p": "p"}
 """Numbers of a trajectory and their axes: instants, coordinates, parameters."""
 
-NAMES = {"coordinates": "n", "parameters": "p", "rows": "m", "independent": "z"}
+NAMES = {"coordinates": "n", "parameters": "p", "constraints": "m", "independent": "z"}
 """Texts likewise."""
+
+FORMER = {"rows": "constraints"}
+"""{array in files of before: its name today}."""
 
 TEXTS = {"about": "", "model": ""}
 """Single texts that it may have."""
@@ -66,7 +69,7 @@ class Recorded:
     def read(cls, path: Path) -> Recorded:
         """From a file written by `Trajectory.to_npz`. Raises NcgenError for a file of another kind, and for one that is broken."""
         try:
-            contents = arrays(path, (*ARRAYS, *NAMES, *OPTIONAL_ARRAYS, *TEXTS))
+            contents = arrays(path, (*ARRAYS, *NAMES, *OPTIONAL_ARRAYS, *TEXTS), FORMER)
         except OSError as error:
             raise NcgenError(
                 f"{path}: it cannot be read: {error.strerror or error}; give a trajectory.npz that `ncgen run` has written"
@@ -131,10 +134,14 @@ class Recorded:
         return monitor(kernels, a["t"], a["q"], a["qd"], a["work"], a["p"], self.names["independent"])
 
     def _check_model(self, kernels: Kernels) -> None:
-        expected = {"coordinates": kernels.coordinates, "parameters": kernels.parameters, "rows": tuple(row.label for row in kernels.rows)}
-        for what, names in expected.items():
-            if self.names[what] != names:
-                raise NcgenError(f"{self.path}: a trajectory of other {what} than those of {kernels.name}; give the model it was run with")
+        expected = {
+            "coordinates": kernels.coordinates,
+            "parameters": kernels.parameters,
+            "constraints": tuple(r.label for r in kernels.rows),
+        }
+        for kind, names in expected.items():
+            if self.names[kind] != names:
+                raise NcgenError(f"{self.path}: a trajectory of other {kind} than those of {kernels.name}; give the model it was run with")
 
 
 def _check_sizes(path: Path, arrays_of_file: dict[str, np.ndarray]) -> None:

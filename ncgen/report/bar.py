@@ -22,28 +22,28 @@ REFRESH_SECONDS = 0.1
 
 
 @contextmanager
-def progress(what: str, total: float | None) -> Iterator[Callable[[float], None]]:
+def progress(title: str, total: float | None) -> Iterator[Callable[[float], None]]:
     """A bar for work of some size, or of none that is known: called with what is done."""
     if display := notebook():
-        with _in_notebook(display, what, total) as advance:
+        with _in_notebook(display, title, total) as advance:
             yield lambda done: advance(done, "")
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(title, total=total)
         yield lambda done: bar.update(task, completed=done)
 
 
 @contextmanager
-def timed(what: str, total: int) -> Iterator[Callable[[int, int, float | None], None]]:
+def timed(title: str, total: int) -> Iterator[Callable[[int, int, float | None], None]]:
     """A bar for work whose end can be foretold: called with what is done, all, and the seconds left."""
     if display := notebook():
-        with _in_notebook(display, what, total) as advance:
+        with _in_notebook(display, title, total) as advance:
             yield lambda done, _, left: advance(done, _left(left))
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f}"), TextColumn("{task.fields[left]}"))
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task(what, total=total, left="")
+        task = bar.add_task(title, total=total, left="")
         yield lambda done, _, left: bar.update(task, completed=done, left=_left(left))
 
 
@@ -59,17 +59,17 @@ def notebook() -> Callable[..., Any] | None:
 
 
 @contextmanager
-def _in_notebook(display: Callable[..., Any], what: str, total: float | None) -> Iterator[Callable[[float, str], None]]:
+def _in_notebook(display: Callable[..., Any], title: str, total: float | None) -> Iterator[Callable[[float, str], None]]:
     """A bar that is displayed once and then changed."""
     begun, last = time.perf_counter(), 0.0
-    handle = display({"text/html": _html(what, None, total, "")}, raw=True, display_id=True)
+    handle = display({"text/html": _html(title, None, total, "")}, raw=True, display_id=True)
 
     def advance(done: float, left: str) -> None:
         nonlocal last
         now = time.perf_counter()
         if now - last >= REFRESH_SECONDS:
             last = now
-            handle.update({"text/html": _html(what, done, total, left or _clock(now - begun))}, raw=True)
+            handle.update({"text/html": _html(title, done, total, left or _clock(now - begun))}, raw=True)
 
     try:
         yield advance
@@ -77,10 +77,10 @@ def _in_notebook(display: Callable[..., Any], what: str, total: float | None) ->
         handle.update({"text/html": ""}, raw=True)
 
 
-def _html(what: str, done: float | None, total: float | None, time_told: str) -> str:
+def _html(title: str, done: float | None, total: float | None, time_told: str) -> str:
     """One picture of a bar; without `done` or `total` it only shows that something runs."""
     known = f'value="{done:.6g}" max="{total:.6g}"' if done is not None and total else ""
-    return f'<div>{escape(what)} <progress {known} style="vertical-align:middle"></progress> {escape(time_told)}</div>'
+    return f'<div>{escape(title)} <progress {known} style="vertical-align:middle"></progress> {escape(time_told)}</div>'
 
 
 def _left(seconds: float | None) -> str:

@@ -73,17 +73,17 @@ class Card:
     tables: list[CardTable] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
 
-    def add(self, what: str, parts: Callable[[], Iterable[str | CardTable | Picture]]) -> None:
-        """Add what is found; what: what it is, for the line that says why it is not there."""
+    def add(self, title: str, parts: Callable[[], Iterable[str | CardTable | Picture]]) -> None:
+        """Add lines, tables and pictures; title: for the line that says why it is not there."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 items = list(parts())
         except Exception as error:  # a card is looked at while something is wrong
-            items = [f"{what}: {shortened(str(error) or type(error).__name__)}"]
-        for part in items:
-            kept: list = self.lines if isinstance(part, str) else self.tables if isinstance(part, CardTable) else self.pictures
-            kept.append(part)
+            items = [f"{title}: {shortened(str(error) or type(error).__name__)}"]
+        for item in items:
+            kept: list = self.lines if isinstance(item, str) else self.tables if isinstance(item, CardTable) else self.pictures
+            kept.append(item)
 
     def html(self) -> str:
         return render("html/card.html.jinja", **{name: getattr(self, name) for name in ("name", "kind", "lines", "tables", "pictures")})
@@ -94,8 +94,8 @@ def of_model(model: Model) -> str:
     card = Card(name=model.name, kind="model")
     card.add("counts", lambda: [f"{_free(model)} of {len(model.components)} coordinates free"])
     card.add("bodies", lambda: [counted(len(model.bodies), "body")])
-    card.add("freedoms", lambda: _freedoms_of_model(model))
-    card.add("rows", lambda: _rows(model))
+    card.add("degrees of freedom", lambda: _freedoms_of_model(model))
+    card.add("constraints", lambda: _rows(model))
     card.add("numbers", lambda: _numbers(model))
     card.add("drawing", lambda: [Picture("", sketch(scene_of(model)))])
     return card.html()
@@ -105,7 +105,7 @@ def of_kernels(kernels: Kernels) -> str:
     """Degrees of freedom, operations, and where Φ_q and M have numbers, rows that others imply in red."""
     card = Card(name=kernels.name, kind=f"kernels in {kernels.backend}")
     card.add("counts", lambda: [f"{counted(kernels.n, 'coordinate')}, {counted(kernels.m, 'row')}"])
-    card.add("freedoms", lambda: _freedoms(kernels))
+    card.add("degrees of freedom", lambda: _freedoms(kernels))
     card.add("kernels", lambda: [_operations(kernels)])
     for name, pattern in (("Φ_q", kernels.phi_q_pattern), ("M", kernels.mass_pattern)):
         title = f"{name} {pattern.shape[0]} × {pattern.shape[1]}, {pattern.nonzeros} nonzeros"

@@ -35,14 +35,19 @@ class Spread:
         return {"seconds": self.median / calls, "low": self.low / calls, "high": self.high / calls}
 
 
-def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS) -> dict[Name, Spread]:
-    """{name: seconds per call} of functions run(times), one sample of each in every round."""
-    times = {name: _enough(run) for name, run in runs.items()}
+def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS, *, sample_seconds: float | None = None) -> dict[Name, Spread]:
+    """{name: seconds per call} of functions run(times), one sample of each in every round.
+
+    sample_seconds: how long a sample lasts at least, MIN_SAMPLE_SECONDS by default
+    """
+    times = {name: _enough(run, sample_seconds or MIN_SAMPLE_SECONDS) for name, run in runs.items()}
     samples: dict[Name, list[float]] = {name: [] for name in runs}
     for _ in range(rounds):
         for name, run in runs.items():
             samples[name].append(elapsed(run, times[name]) / times[name])
-    return {name: Spread(*(float(np.quantile(values, share)) for share in (0.5, 0.25, 0.75, 0.0))) for name, values in samples.items()}
+    return {
+        name: Spread(*(float(np.quantile(values, fraction)) for fraction in (0.5, 0.25, 0.75, 0.0))) for name, values in samples.items()
+    }
 
 
 def repeated(call: Callable[[], object]) -> Run:
@@ -61,10 +66,10 @@ def elapsed(run: Run, times: int) -> float:
     return time.perf_counter() - start
 
 
-def _enough(run: Run) -> int:
+def _enough(run: Run, sample_seconds: float) -> int:
     """How many calls fill a sample; the first call only warms up."""
     run(1)
     times = 1
-    while (seconds := elapsed(run, times)) < MIN_SAMPLE_SECONDS:
-        times = max(2 * times, int(times * MIN_SAMPLE_SECONDS / max(seconds, 1e-9)))
+    while (seconds := elapsed(run, times)) < sample_seconds:
+        times = max(2 * times, int(times * sample_seconds / max(seconds, 1e-9)))
     return times

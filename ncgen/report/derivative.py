@@ -23,17 +23,17 @@ def motion(kernels: Kernels) -> dict | None:
     if not programs:
         return None
     parts = {field.name: getattr(programs, field.name) for field in fields(programs)}
-    return {name: cost(program).total for name, program in parts.items() if program}
+    return {"positions" if name == "closing" else name: cost(program).total for name, program in parts.items() if program}
 
 
 def derivative(kernels: Kernels) -> dict | None:
-    """One JSON-ready record: {way: operations of the accelerations}, "taken", the cheapest way, and "closing", operations of what closes
-    positions; at the initial position. None where nothing can be emitted, as at a singular one."""
+    """One JSON-ready record: {way: operations of the accelerations}, "chosen", the cheapest way, and "positions", operations of the
+    position correction; at the initial position. None where nothing can be emitted, as at a singular one."""
     try:
         q = assemble(kernels)
         split = split_of(choose_partitions(kernels, q, independent=kernels.model.chosen_independent).velocity)
-        given = kernels.programs.equations, split, samples(kernels, q, kernels.p0), kernels.column_sizes
-        ways, closed = accelerations(*given), closing(*given)
+        arguments = kernels.programs.equations, split, samples(kernels, q, kernels.p0), kernels.column_sizes
+        ways, closed = accelerations(*arguments), closing(*arguments)
     except (NcgenError, EliminationError):
         return None
-    return {**{name: cost(program).total for name, program in ways.items()}, "taken": cheapest(ways), "closing": cost(closed).total}
+    return {**{name: cost(program).total for name, program in ways.items()}, "chosen": cheapest(ways), "positions": cost(closed).total}

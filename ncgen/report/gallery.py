@@ -14,9 +14,12 @@ from ncgen.exchange.examples import example_names, example_text, lesson, load
 from ncgen.model import Model
 from ncgen.toolchain.cache_location import keep, kept
 
+ENTRIES = {"coordinates", "constraints", "dof", "redundant"}
+"""What is kept of an example; what an older ncgen kept has other entries."""
+
 
 def gallery(progress: Callable[[int], None] | None = None) -> list[dict]:
-    """One record an example: name, coordinates, rows, dof, redundant (how many rows), teaches."""
+    """One record an example: name, coordinates, constraints, dof, redundant (how many constraints), teaches."""
     records = []
     for number, name in enumerate(example_names(), 1):
         records.append({"name": name, **_facts(name), "teaches": lesson(name)})
@@ -28,7 +31,7 @@ def gallery(progress: Callable[[int], None] | None = None) -> list[dict]:
 def _facts(name: str) -> dict:
     digest = hashlib.sha256(f"{__version__}\n{example_text(name)}".encode()).hexdigest()
     facts = kept("facts", digest[:40])
-    if facts is None:
+    if facts is None or set(facts) != ENTRIES:
         facts = _degrees_of_freedom(load(name))
         keep("facts", digest[:40], facts)
     return facts
@@ -41,7 +44,7 @@ def _degrees_of_freedom(model: Model) -> dict:
     freedoms = freedom(compile(model, backend="numpy"))
     return {
         "coordinates": len(model.components),
-        "rows": len(model.rows),
+        "constraints": len(model.rows),
         "dof": freedoms.dof,
         "redundant": len(freedoms.redundant),
     }

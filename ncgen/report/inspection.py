@@ -37,21 +37,21 @@ def inspect(kernels: Kernels, mobility: Freedom | None = None) -> dict:
     return {
         "name": kernels.name,
         "coordinates": len(model.components),
-        "free": kernels.n,
-        "rows": kernels.m,
+        "free_coordinates": kernels.n,
+        "constraints": kernels.m,
         "rank": mobility.rank,
         "dof": mobility.dof,
         "redundant": [_redundant(kernels, r) for r in mobility.redundant],
         "singular": mobility.is_singular,
-        "measured": sum(row.measured for row in kernels.rows),
+        "measured_constraints": sum(row.measured for row in kernels.rows),
         "left_out": [
-            {"what": what, "count": count, "changes_motion": changes_motion(sentence)}
+            {"feature": feature, "count": count, "changes_motion": changes_motion(sentence)}
             for sentence in model.left_out
-            for what, count in (parted(sentence),)
+            for feature, count in (parted(sentence),)
         ],
         "assembled": [{"joint": name, "moved": moved, "unit": unit} for name, moved, unit in model.assembled],
-        "omitted": list(kernels.programs.omitted),
-        "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
+        "simplified": list(kernels.programs.omitted),
+        "initial_angles": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
         "kernels": _kernels(kernels.programs),
         "tree": _tree(spanning_tree(model)),
         "joints": [{"kind": j.kind, "bodies": list(j.bodies), "elements": list(j.elements)} for j in model.joints],
@@ -64,7 +64,7 @@ def inspect(kernels: Kernels, mobility: Freedom | None = None) -> dict:
 
 def _tree(tree: Tree) -> list[dict]:
     return [
-        {"body": link.body.name, "on": "ground" if link.parent is None else tree.links[link.parent].body.name, "dof": len(link.screws)}
+        {"body": link.body.name, "parent": "ground" if link.parent is None else tree.links[link.parent].body.name, "dof": len(link.screws)}
         for link in tree.links
     ]
 
@@ -72,7 +72,7 @@ def _tree(tree: Tree) -> list[dict]:
 def _redundant(kernels: Kernels, redundancy: Redundancy) -> dict:
     row = kernels.rows[redundancy.row]
     return {
-        "row": redundancy.row + 1,
+        "constraint": redundancy.row + 1,
         "label": row.label,
         "owner": str(row.owner),
         "implied_by": [i + 1 for i in redundancy.implied_by],

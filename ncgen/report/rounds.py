@@ -42,7 +42,7 @@ def check_and_run(path: Path, progress: Callable[[float], None] | None = None) -
         kernels = compile(model)
         mobility = freedom(kernels)
         run = simulate_one(kernels, progress=progress, **simulation_of(model))
-        counts = {"rows": kernels.m, "redundant": len(mobility.redundant), "bodies": len(model.bodies)}
+        counts = {"constraints": kernels.m, "redundant": len(mobility.redundant), "bodies": len(model.bodies)}
         return Round((), run_record(run, mobility, None, []) | counts)
     except NcgenError as error:
         return Round((str(error),))
@@ -54,12 +54,12 @@ def summary_of(now: Round, before: Round | None) -> list[str]:
         more = len(now.problems) - MAX_LISTED
         return [*now.problems[:MAX_LISTED], *([f"and {more} more; `ncgen check` lists all"] if more > 0 else [])]
     record, ends = now.record, _ends(now.record)
-    counts = [counted(record["dof"], "degree of freedom"), counted(record["rows"], "row"), f"{record['redundant']} redundant"]
+    counts = [counted(record["dof"], "degree of freedom"), counted(record["constraints"], "constraint"), f"{record['redundant']} redundant"]
     lines = [
         f"{record['name']}: {', '.join(counts)}, {counted(record['bodies'], 'body')}",
         _some([f"{name} {value:.9g}" for name, value in ends.items()]) or "nothing can move",
-        f"energy error {record['energy_drift']:.1e}, constraint error {record['violation']:.1e}, {record['time']:g} s of motion in "
-        f"{record['wall_seconds']:.2g} s by {record['integrator']} on {record['formalism']}",
+        f"energy error {record['energy_drift']:.1e}, constraint error {record['constraint_violation']:.1e}, "
+        f"{record['duration']:g} s of motion in {record['wall_seconds']:.2g} s by {record['integrator']} on {record['formalism']}",
     ]
     if before and before.record:
         lines.append(f"different: {_some(differences(before.record, record)) or 'nothing'}")
@@ -68,7 +68,7 @@ def summary_of(now: Round, before: Round | None) -> list[str]:
 
 def differences(before: dict, now: dict) -> list[str]:
     """What is different between two records, as `psi 1.5 → 1.7`: counts first, then where the motions ended."""
-    olds, news = (_counts(record) | {"seconds": record["time"]} | _ends(record) for record in (before, now))
+    olds, news = (_counts(record) | {"seconds": record["duration"]} | _ends(record) for record in (before, now))
     names = [("name", before["name"], now["name"])] if before["name"] != now["name"] else []
     pairs = [(name, olds.get(name), news.get(name)) for name in dict.fromkeys([*olds, *news])]
     unlike = [
@@ -84,12 +84,12 @@ def _written(value: float | str | None) -> str:
 
 
 def _counts(record: dict) -> dict[str, int]:
-    return {"degrees of freedom": record["dof"]} | {what: record[what] for what in ("rows", "redundant", "bodies")}
+    return {"degrees of freedom": record["dof"]} | {key: record[key] for key in ("constraints", "redundant", "bodies")}
 
 
 def _ends(record: dict) -> dict[str, float]:
     """Where a motion ended: independent coordinates, then their velocities."""
-    return record["final"] | {f"rate({name})": value for name, value in record["final_velocity"].items()}
+    return record["final_position"] | {f"rate({name})": value for name, value in record["final_velocity"].items()}
 
 
 def _some(texts: list[str]) -> str:

@@ -12,38 +12,40 @@ from ncgen.errors import counted
 
 
 def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | None = None, times: dict[str, float] | None = None) -> None:
-    """Degrees of freedom, redundant rows, what was left out, and the kernels with their cost."""
+    """Degrees of freedom, redundant constraints, what was simplified away, and the kernels with their cost."""
     console.print(Text(f"{facts['name']}", style="bold"))
     console.print(
-        f"  {counted(facts['coordinates'], 'coordinate')}, {facts['free']} free · {counted(facts['rows'], 'row')}, rank {facts['rank']}"
-        f" · {counted(facts['dof'], 'degree of freedom')}"
+        f"  {counted(facts['coordinates'], 'coordinate')}, {facts['free_coordinates']} free"
+        f" · {counted(facts['constraints'], 'constraint')}, rank {facts['rank']} · {counted(facts['dof'], 'degree of freedom')}"
     )
     for entry in facts["redundant"]:
-        others = ", ".join(f"{c:+.3g}·row {i}" for i, c in zip(entry["implied_by"], entry["coefficients"], strict=True))
-        console.print(f"  redundant: row {entry['row']} ({entry['label']}, {entry['owner']}) = {others}", markup=False)
+        others = ", ".join(f"{c:+.3g}·constraint {i}" for i, c in zip(entry["implied_by"], entry["coefficients"], strict=True))
+        console.print(f"  redundant: constraint {entry['constraint']} ({entry['label']}, {entry['owner']}) = {others}", markup=False)
     if facts["singular"]:
         console.print("  the initial position is singular", style="yellow")
-    if facts["initial"]:
-        degrees = ", ".join(f"{name} {math.degrees(value):.4f}" for name, value in facts["initial"].items())
+    if facts["initial_angles"]:
+        degrees = ", ".join(f"{name} {math.degrees(value):.4f}" for name, value in facts["initial_angles"].items())
         console.print(f"  initial angles (degrees): {degrees}", markup=False)
     if facts["assembled"]:
         moved = ", ".join(f"{each['joint']} by {each['moved']:.6g} {each['unit']}" for each in facts["assembled"])
         console.print(f"  moved to close loops: {moved}", markup=False)
-    if facts["measured"]:
-        console.print(f"  lengths and angles of {facts['measured']} rows are those of the initial position", markup=False)
+    if facts["measured_constraints"]:
+        console.print(
+            f"  lengths and angles of {facts['measured_constraints']} constraints are those of the initial position", markup=False
+        )
     for words, acts in (("not modelled, and it changes the motion", True), ("without effect on the motion", False)):
-        contributions = [f"{each['what']} ({each['count']})" for each in facts["left_out"] if each["changes_motion"] == acts]
+        contributions = [f"{each['feature']} ({each['count']})" for each in facts["left_out"] if each["changes_motion"] == acts]
         if contributions:
             console.print(f"  of the file, {words}: {', '.join(contributions)}", markup=False)
-    for line in _grouped(facts["omitted"]):
-        console.print(f"  left out by the generator: {line}", markup=False)
+    for line in _grouped(facts["simplified"]):
+        console.print(f"  simplified away: {line}", markup=False)
     for kind in dict.fromkeys(joint["kind"] for joint in facts["joints"]):
         pairs = ["-".join(joint["bodies"]) or "between coordinates" for joint in facts["joints"] if joint["kind"] == kind]
         console.print(f"  {len(pairs)} {kind}: {', '.join(pairs)}", markup=False)
     if facts["drivers"]:
         console.print(f"  driven: {', '.join(f'{name} = {law}' for name, law in facts['drivers'].items())}", markup=False)
     if facts["tree"]:
-        links = ", ".join(f"{link['body']} on {link['on']} {link['dof']}" for link in facts["tree"])
+        links = ", ".join(f"{link['body']} on {link['parent']} {link['dof']}" for link in facts["tree"])
         console.print(f"  spanning tree (degrees of freedom of its joints): {links}", markup=False)
     if facts.get("motion"):
         console.print(f"  {motion_line(facts['motion'])}", markup=False)
@@ -52,20 +54,20 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
     console.print(kernel_table(facts, times))
     if seconds:
         spent = ", ".join(f"{stage} {value:.2f}" for stage, value in seconds.items())
-        console.print(f"  seconds: {spent}", markup=False)
+        console.print(f"  seconds of every stage from the model to functions: {spent}", markup=False)
 
 
 def motion_line(counts: dict) -> str:
     """What a default run takes."""
-    end = f"{counts['velocities']} for velocities, {counts['closing']} for positions"
+    end = f"{counts['velocities']} for velocities, {counts['positions']} for positions"
     return f"operations of a default run: {counts['derivative']} a stage; at the end of a step {end}"
 
 
 def derivative_line(counts: dict) -> str:
-    """What the state derivative takes, the way that is taken first."""
-    ways = sorted((n, name) for name, n in counts.items() if name not in ("closing", "taken"))
+    """What the state derivative takes, the cheapest way first."""
+    ways = sorted((n, name) for name, n in counts.items() if name not in ("positions", "chosen"))
     counts_of_ways = ", ".join(f"{name} {n}" for n, name in ways)
-    return f"operations on independent coordinates: {counts_of_ways}; of closing positions: {counts['closing']}"
+    return f"operations on independent coordinates: {counts_of_ways}; of the position correction: {counts['positions']}"
 
 
 def kernel_table(facts: dict, times: dict[str, float] | None) -> Table:
@@ -87,17 +89,16 @@ def show_run(console: Console, record: dict) -> None:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 2))
     for title in ("coordinate", "final", "velocity"):
         table.add_column(title, justify="left" if title == "coordinate" else "right")
-    for name, value in record["final"].items():
+    for name, value in record["final_position"].items():
         table.add_row(name, f"{value:.12g}", f"{record['final_velocity'][name]:.12g}")
     lines = [
         Text(
-            f"{record['time']:g} s{', ended there as asked,' if record['stopped'] else ''} with "
-            f"{record['integrator']} on {record['formalism']}, "
-            f"kernels in {record['backend']}, engine {record['engine']}",
+            f"{record['duration']:g} s of motion{', ended by its stop' if record['stopped'] else ''}: integrator {record['integrator']}, "
+            f"formalism {record['formalism']}, kernels in {record['backend']}, engine {record['engine']}",
             style="bold",
         ),
         table,
-        Text(f"  constraint error {record['violation']:.1e} (relative), energy error {record['energy_drift']:.1e} (relative)"),
+        Text(f"  constraint error {record['constraint_violation']:.1e} (relative), energy error {record['energy_drift']:.1e} (relative)"),
         Text(f"  {counted(record['steps'], 'step')}, {counted(record['evaluations'], 'evaluation')}, {_seconds(record)}"),
     ]
     console.print(Group(*lines))

@@ -97,10 +97,10 @@ class FiniteKernels:
 
 
 def _method(name: str, kernel: str, arguments: tuple[str, ...]) -> Callable[..., Any]:
-    def checked(self: FiniteKernels, *given: Any, **named: Any) -> Any:
-        value = getattr(self._kernels, name)(*given, **named)
+    def checked(self: FiniteKernels, *positional: Any, **named: Any) -> Any:
+        value = getattr(self._kernels, name)(*positional, **named)
         if not is_finite(value):
-            raise refusal(self._kernels, kernel, **dict(zip(arguments, given, strict=False)), **named)
+            raise refusal(self._kernels, kernel, **dict(zip(arguments, positional, strict=False)), **named)
         return value
 
     return checked
@@ -127,7 +127,7 @@ def check_instant(kernels: Kernels, q: np.ndarray, qd: np.ndarray | None = None,
 def on_the_way(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float, tried: float, p: np.ndarray | None = None) -> DomainError | None:
     """Why a run that came to a state and tried to go on to another time cannot, if a term is not a number there."""
     try:
-        ahead = [share * (tried - t) for share in STEP_FRACTIONS] + [TIME_FRACTION * max(abs(t), abs(tried - t))]
+        ahead = [fraction * (tried - t) for fraction in STEP_FRACTIONS] + [TIME_FRACTION * max(abs(t), abs(tried - t))]
         for h in ahead:  # in time alone: where a rate has become infinite, it leads nowhere
             check_instant(kernels, q, qd, t + h, p)
         qdd = _accelerations(kernels, q, qd, t, p)
@@ -163,57 +163,57 @@ def refusal(
 ) -> DomainError:
     """The sentence for a kernel that is not finite with these arguments: whose it is, when and where."""
     p = kernels.p0 if p is None else p
-    given = {"q": q, "qd": q if qd is None else qd, "t": t, "p": p, **more}
-    cause = _of_arguments(kernels, given) or _of_terms(kernels, _first(kernels, kernel, given), given)
+    state = {"q": q, "qd": q if qd is None else qd, "t": t, "p": p, **more}
+    cause = _of_arguments(kernels, state) or _of_terms(kernels, _first(kernels, kernel, state), state)
     return DomainError(f"{kernels.name}: {cause}")
 
 
-def _first(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
+def _first(kernels: Kernels, kernel: str, state: dict[str, Any]) -> str:
     """The kernel where it begins: a derivative is NaN where the term itself is."""
     for name in KERNELS_IN_ORDER:
-        arguments = [given[x] for x in CHECKED_KERNELS[name][1]]
+        arguments = [state[x] for x in CHECKED_KERNELS[name][1]]
         if name == kernel or not is_finite(getattr(kernels, name)(*arguments)):
             return name
     return kernel
 
 
-def _of_arguments(kernels: Kernels, given: dict[str, Any]) -> str | None:
+def _of_arguments(kernels: Kernels, state: dict[str, Any]) -> str | None:
     """What is wrong with the arguments themselves."""
-    if not math.isfinite(given["t"]):
-        return f"the time is {given['t']}; it must be a finite number of seconds"
+    if not math.isfinite(state["t"]):
+        return f"the time is {state['t']}; it must be a finite number of seconds"
     names = {"p": kernels.parameters, "q": kernels.coordinates, "qd": tuple(f"rate({name})" for name in kernels.coordinates)}
-    for array, what in (("p", "parameter "), ("q", "coordinate "), ("qd", "")):
-        values = np.asarray(given[array], dtype=float)
+    for array, noun in (("p", "parameter "), ("q", "coordinate "), ("qd", "")):
+        values = np.asarray(state[array], dtype=float)
         if not is_finite(values):
             first = int(np.argmin(np.isfinite(values)))
             remedy = "give it a number" if array == "p" else "give the start in numbers, or take smaller steps (rtol, max_step)"
-            return f"{what}{names[array][first]} is {values[first]} at t = {given['t']:.6g} s, which is not a number; {remedy}"
+            return f"{noun}{names[array][first]} is {values[first]} at t = {state['t']:.6g} s, which is not a number; {remedy}"
     return None
 
 
-def _of_terms(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
+def _of_terms(kernels: Kernels, kernel: str, state: dict[str, Any]) -> str:
     from ncgen.program.differentiation.tangent_programs import TANGENTS
     from ncgen.program.kernel_table import KERNELS
 
     definition = {**KERNELS, **TANGENTS}[kernel]
     equations = kernels.programs.equations
-    for arguments in _close(given):
+    for arguments in _close(state):
         for term in definition.terms(equations):
             if not _is_term_finite(term, definition, equations, arguments):
-                where = _where(kernels, term, given)
-                return f"{DERIVED.get(kernel, '')}{_words(kernels, term)} is not a number at t = {given['t']:.6g} s{where}; {REMEDY}"
-    return f"{kernel} is not a number at t = {given['t']:.6g} s, although every part of it is: the numbers are too large; {REMEDY}"
+                where = _where(kernels, term, state)
+                return f"{DERIVED.get(kernel, '')}{_words(kernels, term)} is not a number at t = {state['t']:.6g} s{where}; {REMEDY}"
+    return f"{kernel} is not a number at t = {state['t']:.6g} s, although every part of it is: the numbers are too large; {REMEDY}"
 
 
-def _close(given: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _close(state: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """The arguments, and some a few roundings away: at the very edge of a term two programs for it may differ."""
-    yield given
+    yield state
     for name in ("t", "q", "qd"):
-        for share in (-16, 16):
-            yield given | {name: given[name] * (1 + share * float(np.finfo(float).eps))}
+        for roundings in (-16, 16):
+            yield state | {name: state[name] * (1 + roundings * float(np.finfo(float).eps))}
 
 
-def _is_term_finite(term: Term, definition: Kernel, equations: Terms, given: dict[str, Any]) -> bool:
+def _is_term_finite(term: Term, definition: Kernel, equations: Terms, state: dict[str, Any]) -> bool:
     """True if one term alone gives numbers to a kernel."""
     from ncgen.program.assemble import programs_of
     from ncgen.program.ir.evaluate import evaluate
@@ -224,7 +224,7 @@ def _is_term_finite(term: Term, definition: Kernel, equations: Terms, given: dic
 
     alone = Equations(model=equations.model, rows=only(equations.rows), masses=only(equations.masses), forces=only(equations.forces))
     program = programs_of([definition], alone, math.inf)[definition.name][0]
-    inputs: dict[str, Any] = {name: float(x) if name == "t" else np.asarray(x, dtype=float).tolist() for name, x in given.items()}
+    inputs: dict[str, Any] = {name: float(x) if name == "t" else np.asarray(x, dtype=float).tolist() for name, x in state.items()}
     try:
         values = [] if program is None else evaluate(program, inputs)
     except (ArithmeticError, ValueError):
@@ -235,16 +235,16 @@ def _is_term_finite(term: Term, definition: Kernel, equations: Terms, given: dic
 def _words(kernels: Kernels, term: Term) -> str:
     """A term by the user's own name for it."""
     if term.row is not None:
-        return f"row {term.row + 1} ({kernels.rows[term.row].label}, {term.owner})"
+        return f"constraint {term.row + 1} ({kernels.rows[term.row].label}, {term.owner})"
     if term in kernels.programs.equations.masses:
         return f"the mass of {term.label} ({term.owner})"
     return term.label
 
 
-def _where(kernels: Kernels, term: Term, given: dict[str, Any]) -> str:
+def _where(kernels: Kernels, term: Term, state: dict[str, Any]) -> str:
     """The coordinates and parameters that a term is made of, as far as they are few."""
     used = dict.fromkeys(c.name for form in term.scalars for _, c in form)
-    values = [f"{name} = {given['q'][kernels.index[name]]:.6g}" for name in used if name in kernels.index]
+    values = [f"{name} = {state['q'][kernels.index[name]]:.6g}" for name in used if name in kernels.index]
     named = {s.name for v in term.data for s in ([v.symbol] if isinstance(v, Symbolic) else getattr(v, "free_symbols", ()))}
-    values += [f"{name} = {value:.6g}" for name, value in zip(kernels.parameters, given["p"], strict=True) if name in named]
+    values += [f"{name} = {value:.6g}" for name, value in zip(kernels.parameters, state["p"], strict=True) if name in named]
     return f" ({', '.join(values)})" if 0 < len(values) <= MAX_NAMED_NUMBERS else ""

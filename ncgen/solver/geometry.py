@@ -90,10 +90,10 @@ def _collect_arms(kernels: Kernels, p: np.ndarray) -> Arms:
     parameters = parameters_at(kernels, p)
     wanted = [d for angle in angles(kernels) for d in (angle.start, angle.end, angle.axis)]
     fixed, entries = np.zeros(3 * len(wanted)), []
-    for place, combination in enumerate(wanted):
+    for index, combination in enumerate(wanted):
         for weight, reference in combination.terms:
             weight = evaluate(weight, parameters, str(combination))
-            for row, c in enumerate(reference.components, 3 * place):
+            for row, c in enumerate(reference.components, 3 * index):
                 if c.fixed:
                     fixed[row] += weight * evaluate(c.value, parameters, c.name)
                 else:

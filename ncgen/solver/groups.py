@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import wraps
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, cast
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, given_twice, shown
 from ncgen.solver.name_lists import offer
 
 if TYPE_CHECKING:
@@ -174,31 +174,31 @@ def takes(
     """
 
     def decorate(function: Function) -> Function:
-        own = [p for p in inspect.signature(function).parameters.values() if p.kind is not p.VAR_KEYWORD]
-        shared = [word for word in _words(group) if word not in unused and word not in {p.name for p in own}]
-        known, renamed = [p.name for p in own] + shared, former or {}
+        parameters = [p for p in inspect.signature(function).parameters.values() if p.kind is not p.VAR_KEYWORD]
+        shared = [word for word in _words(group) if word not in unused and word not in {p.name for p in parameters}]
+        known, renamed = [p.name for p in parameters] + shared, former or {}
 
         @wraps(function)
-        def checked(*args: Any, **given: Any) -> Any:
-            return function(*args, **_named(function.__name__, given, known, unused, renamed))
+        def checked(*args: Any, **keywords: Any) -> Any:
+            return function(*args, **_named(function.__name__, keywords, known, unused, renamed))
 
         values, kinds = {**DEFAULTS, **defaults}, _words(group)
         more = [inspect.Parameter(word, inspect.Parameter.KEYWORD_ONLY, default=values[word], annotation=kinds[word]) for word in shared]
-        vars(checked)["__signature__"] = inspect.signature(function).replace(parameters=[*own, *more])
+        vars(checked)["__signature__"] = inspect.signature(function).replace(parameters=[*parameters, *more])
         checked.__doc__ = _with_entries(function.__doc__ or "", group, shared)
         return cast(Function, checked)
 
     return decorate
 
 
-def check_names(function: str, given: Iterable[str], known: Collection[str]) -> None:
+def check_names(function: str, names: Iterable[str], known: Collection[str]) -> None:
     """Check the names of arguments.
 
     Parameters
     ----------
     function : str
         The function's name, for the message.
-    given, known : iterable of str
+    names, known : iterable of str
         Names that were given, and names that there are.
 
     Raises
@@ -206,7 +206,7 @@ def check_names(function: str, given: Iterable[str], known: Collection[str]) -> 
     ModelError
         With the nearest name for the first one that is unknown.
     """
-    for word in given:
+    for word in names:
         if word not in known:
             near = difflib.get_close_matches(word, list(known), n=1)
             advice = f"did you mean {near[0]}?" if near else offer(word, sorted(known))
@@ -214,28 +214,28 @@ def check_names(function: str, given: Iterable[str], known: Collection[str]) -> 
 
 
 def _named(
-    function: str, given: dict[str, Any], known: Collection[str], unused: Collection[str], former: Mapping[str, str]
+    function: str, keywords: dict[str, Any], known: Collection[str], unused: Collection[str], former: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return arguments by their names of today, without those that make no difference. Raises ModelError for wrong names."""
-    for word in [word for word in given if word in former]:
-        if former[word] in given:
-            raise ModelError(f"{function}: {word} is the former name of {former[word]}, and both are given; give {former[word]}")
-        given[former[word]] = given.pop(word)
-    given = without_unused(function, given, unused)
-    check_names(function, given, known)
-    return given
+    for word in [word for word in keywords if word in former]:
+        if former[word] in keywords:
+            raise given_twice(function, word, former[word])
+        keywords[former[word]] = keywords.pop(word)
+    keywords = without_unused(function, keywords, unused)
+    check_names(function, keywords, known)
+    return keywords
 
 
-def without_unused(function: str, given: Mapping[str, Any], unused: Collection[str], where: str = "here") -> dict[str, Any]:
+def without_unused(function: str, keywords: Mapping[str, Any], unused: Collection[str], where: str = "here") -> dict[str, Any]:
     """Return arguments without those that make no difference; where: in which kind of call, for the message.
 
     Raises ModelError for a value of one of these that is not its default.
     """
-    for word in [word for word in given if word in unused]:
-        value = given[word]
+    for word in [word for word in keywords if word in unused]:
+        value = keywords[word]
         if value is not None and not (isinstance(value, (str, int, float)) and value == DEFAULTS[word]):
             raise ModelError(f"{function}: {word} is given, and it has no effect {where}; leave it out")
-    return {word: value for word, value in given.items() if word not in unused}
+    return {word: value for word, value in keywords.items() if word not in unused}
 
 
 def _words(group: type) -> dict[str, Any]:
@@ -246,14 +246,14 @@ def _words(group: type) -> dict[str, Any]:
 def _with_entries(text: str, group: type, words: Collection[str]) -> str:
     """Return a docstring with the entries of a group in place of that of `**arguments`, whose text becomes the notes."""
     text = inspect.cleandoc(text)
-    own = re.search(r"^\*\*\w+ : .*\n((?: +.*\n)*)", text, re.MULTILINE)
-    if own is None:
+    entry = re.search(r"^\*\*\w+ : .*\n((?: +.*\n)*)", text, re.MULTILINE)
+    if entry is None:
         return text
     entries = {
-        word: block for part in (StartArguments, MethodArguments, group) for word, block in _entries(inspect.getdoc(part) or "").items()
+        word: block for each in (StartArguments, MethodArguments, group) for word, block in _entries(inspect.getdoc(each) or "").items()
     }
-    notes = inspect.cleandoc(f"\n{own[1]}").strip()
-    return f"{text[: own.start()]}{''.join(entries[word] for word in words)}{text[own.end() :]}\n\nNotes\n-----\n{notes}\n"
+    notes = inspect.cleandoc(f"\n{entry[1]}").strip()
+    return f"{text[: entry.start()]}{''.join(entries[word] for word in words)}{text[entry.end() :]}\n\nNotes\n-----\n{notes}\n"
 
 
 def _entries(text: str) -> dict[str, str]:

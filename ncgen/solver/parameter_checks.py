@@ -52,12 +52,12 @@ def refused_parameters(kernels: Outline, p: np.ndarray) -> dict[int, str]:
         numbers = evaluate_rows(program, np.asarray(p, dtype=float))
     finite, refused, first = np.isfinite(p).all(axis=-1), {}, 0
     for condition in conditions:
-        own = numbers[..., first : first + len(condition.values)]
+        tested = numbers[..., first : first + len(condition.values)]
         first += len(condition.values)
-        for row in np.flatnonzero(finite & ~condition.holds(own)).tolist():
+        for row in np.flatnonzero(finite & ~condition.holds(tested)).tolist():
             names = mentioned(condition.values, kernels.model.parameters).split(", ")
             values = ", ".join(f"{name} = {p[row, kernels.parameters.index(name)]:g}" for name in names)
-            refused.setdefault(row, f"with {values}, {condition.sentence(own[row])}")
+            refused.setdefault(row, f"with {values}, {condition.sentence(tested[row])}")
     return refused
 
 
@@ -75,8 +75,8 @@ def _compiled_conditions(model: Model) -> Judged:
 def _conditions(model: Model) -> Iterator[Condition]:
     for body in model.bodies.values():
         if body.inertia is not None and body.inertia.is_judged:
-            for part in body.inertia.parts or (body.inertia,):
-                yield from bodies.conditions(part.name or body.name, part.mass, part.tensor)
+            for inertia in body.inertia.parts or (body.inertia,):
+                yield from bodies.conditions(inertia.name or body.name, inertia.mass, inertia.tensor)
     for row in model.rows:
         yield from rows.conditions(row)
     yield from model.conditions

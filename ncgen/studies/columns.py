@@ -36,11 +36,11 @@ def columns_of(study: Study, kernels: Kernels, motion: StudiedMotion) -> dict[st
         index=kernels.index, labels=tuple(kernels.model.outputs), t=motion.t, q=motion.q[None], qd=motion.qd[None], outputs=outputs[None]
     )
     smooth = with_events(histories, motion.events)
-    own = {"steps": lambda: motion.steps, "time": lambda: motion.t[-1], "energy_drift": motion.energy_drift}
+    special = {"steps": lambda: motion.steps, "time": lambda: motion.t[-1], "energy_drift": motion.energy_drift}
     kept: dict[str, Any] = {}
     for column in study.values:
-        if column.over in own:
-            kept[column.word] = own[column.over]()
+        if column.over in special:
+            kept[column.word] = special[column.over]()
         elif column.over in OF_EVENTS:
             kept[column.word] = column.of_events(motion.events)
         else:

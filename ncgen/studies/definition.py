@@ -132,8 +132,8 @@ class Study:
                 raise ModelError(
                     f"keep, {column.word}: the model has events, and studies have no gradients of such runs; leave one of them out"
                 )
-            if given := [name for name in NO_GRADIENT if self.simulation.get(name)]:
-                raise ModelError(f"keep, {column.word}: {given[0]} is given, and such runs have no derivative; leave one of them out")
+            if conflicts := [name for name in NO_GRADIENT if self.simulation.get(name)]:
+                raise ModelError(f"keep, {column.word}: {conflicts[0]} is given, and such runs have no derivative; leave one of them out")
             if column.is_output(self.model) and uses_accelerations(self.model):
                 raise ModelError(f"keep, {column.word}: outputs mention accelerations or loads, of which no gradient is kept; leave it out")
 

@@ -50,25 +50,27 @@ class VariedAxis:
     ends: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
-    def of(cls, name: str, given: object) -> VariedAxis:
+    def of(cls, name: str, argument: object) -> VariedAxis:
         """From what the caller says. Raises ModelError naming what varies."""
         where = f"vary, {name}"
-        if not isinstance(given, Mapping):
-            return cls(name, _numbers(given, where))
-        if unknown := [word for word in given if word not in WORDS]:
+        if not isinstance(argument, Mapping):
+            return cls(name, _numbers(argument, where))
+        if unknown := [word for word in argument if word not in WORDS]:
             raise ModelError(f"{where}: {echo(unknown[0])} is unknown; {offer(unknown[0], WORDS, 'there are')}")
-        if set(given) == set(NORMAL):
-            ends = finite(given["mean"], f"{where}: mean"), positive(given["deviation"], f"{where}: deviation")
+        if set(argument) == set(NORMAL):
+            ends = finite(argument["mean"], f"{where}: mean"), positive(argument["deviation"], f"{where}: deviation")
             return cls(name, kind="normal", ends=ends)
-        if not set(RANGE) <= set(given) or set(given) & set(NORMAL):
-            raise ModelError(f"{where}: {echo(dict(given))} given; give a list of numbers, low and high, or mean and deviation")
-        low, high = (finite(given[word], f"{where}: {word}") for word in RANGE)
-        scale = given.get("scale", SCALES[0])
+        if not set(RANGE) <= set(argument) or set(argument) & set(NORMAL):
+            raise ModelError(f"{where}: {echo(dict(argument))} given; give a list of numbers, low and high, or mean and deviation")
+        low, high = (finite(argument[word], f"{where}: {word}") for word in RANGE)
+        scale = argument.get("scale", SCALES[0])
         one_of(scale, f"{where}: scale", SCALES)
         if not low < high or (scale == "log" and low <= 0):
             raise ModelError(f"{where}: from {low:g} to {high:g} given; low is below high{', and above 0' if scale == 'log' else ''}")
         axis = cls(name, kind=scale, ends=(low, high))
-        return cls(name, tuple(axis.at(np.linspace(0, 1, whole(given["count"], f"{where}: count"))).tolist())) if "count" in given else axis
+        if "count" not in argument:
+            return axis
+        return cls(name, tuple(axis.at(np.linspace(0, 1, whole(argument["count"], f"{where}: count"))).tolist()))
 
     def at(self, shares: np.ndarray) -> np.ndarray:
         """The numbers below which these shares, from 0 to 1, of all variants lie; of a list each with the same probability."""
@@ -84,15 +86,15 @@ class VariedAxis:
         return np.array(self.values)[np.minimum((shares * len(self.values)).astype(int), len(self.values) - 1)]
 
 
-def _numbers(given: object, where: str) -> tuple[float, ...]:
+def _numbers(argument: object, where: str) -> tuple[float, ...]:
     """A list of real numbers, NaN included: their variants will say so."""
     try:
-        array = np.asarray(given)
+        array = np.asarray(argument)
         fits = array.ndim == 1 and array.size > 0 and array.dtype.kind in "iuf"
     except ValueError:
         fits, array = False, np.empty(0)
     if not fits:
-        raise ModelError(f"{where}: {echo(given)} given; give a list of numbers, low and high, or mean and deviation")
+        raise ModelError(f"{where}: {echo(argument)} given; give a list of numbers, low and high, or mean and deviation")
     return tuple(array.astype(float).tolist())
 
 
@@ -112,7 +114,7 @@ class Design:
         if not isinstance(vary, Mapping) or not vary:
             raise ModelError(f"vary: {echo(vary)} given; give {{name: numbers}} for at least one parameter or start")
         one_of(kind, "design", KINDS)
-        design = cls(axes=tuple(VariedAxis.of(str(name), given) for name, given in vary.items()), kind=kind)
+        design = cls(axes=tuple(VariedAxis.of(str(name), argument) for name, argument in vary.items()), kind=kind)
         design._check()
         if kind in LISTED:
             if count is not None:
@@ -121,8 +123,8 @@ class Design:
                 )
             return design
         if count is None:
-            what = "points its indices come from" if kind == "saltelli" else "variants there are"
-            raise ModelError(f"design {kind!r} needs count: how many {what}")
+            counted_things = "points its indices come from" if kind == "saltelli" else "variants there are"
+            raise ModelError(f"design {kind!r} needs count: how many {counted_things}")
         if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
             raise ModelError(f"seed: {echo(seed)} given; give a whole number from 0 on")
         made = cls(axes=design.axes, kind=kind, count=whole(count, "count"), seed=seed)
@@ -173,8 +175,8 @@ class Design:
     def rows(self, first: int, count: int) -> np.ndarray:
         """The numbers (count, names) of the variants from `first` on."""
         if self.kind == "grid":
-            places = np.unravel_index(np.arange(first, first + count), self.shape)
-            return np.column_stack([np.array(axis.values)[place] for axis, place in zip(self.axes, places, strict=True)])
+            indices = np.unravel_index(np.arange(first, first + count), self.shape)
+            return np.column_stack([np.array(axis.values)[index] for axis, index in zip(self.axes, indices, strict=True)])
         if self.kind == "list":
             return np.column_stack([axis.values[first : first + count] for axis in self.axes])
         shares = KINDS[self.kind](self, first, count)
@@ -217,12 +219,12 @@ class Design:
 
         names, blocks = len(self.axes), []
         while count:
-            part, start = divmod(first, self._points)
+            matrix, start = divmod(first, self._points)
             size = min(count, self._points - start)
             both = self._sequence(Sobol, 2 * names, start, size)
-            rows = both[:, names:] if part == 1 else both[:, :names].copy()
-            if part > 1:
-                rows[:, part - 2] = both[:, names + part - 2]
+            rows = both[:, names:] if matrix == 1 else both[:, :names].copy()
+            if matrix > 1:
+                rows[:, matrix - 2] = both[:, names + matrix - 2]
             blocks.append(rows)
             first, count = first + size, count - size
         return np.concatenate(blocks)

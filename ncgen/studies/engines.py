@@ -56,7 +56,7 @@ class Here:
     def parts(self, next_chunk: Callable[[], tuple[int, int] | None], progress: Progress) -> Generator[tuple[Part, float], None, None]:
         while chunk := next_chunk():
             clock = time.perf_counter()
-            yield self.bench.part(*chunk, self.threads, lambda share, count=chunk[1]: progress(share * count)), time.perf_counter() - clock
+            yield self.bench.part(*chunk, self.threads, lambda done, count=chunk[1]: progress(done * count)), time.perf_counter() - clock
 
 
 class Workers:
@@ -95,8 +95,8 @@ class Workers:
                         chunk = running.pop(future)
                         if (error := _failure(future)) is None:
                             lost = 0
-                            part, seconds = future.result()
-                            yield part.joined(self.study.design.names, chunk[1]), seconds
+                            block, seconds = future.result()
+                            yield block.joined(self.study.design.names, chunk[1]), seconds
                         elif _is_lost(error):
                             again.append(chunk)
                             lost, broken = lost + 1, broken or isinstance(error, BrokenExecutor)

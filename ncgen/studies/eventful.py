@@ -29,9 +29,6 @@ from ncgen.solver.trajectories.output_values import outputs_of, uses_acceleratio
 from ncgen.studies.columns import StudiedMotion, columns_of
 from ncgen.studies.definition import Study
 
-NOT_IN_C = ("stop", "inputs")
-"""Arguments of `simulate` that these runs do not take."""
-
 Values = tuple[dict[str, Any], np.ndarray]
 """What is kept of a variant, and where it ends (n,)."""
 
@@ -47,8 +44,8 @@ class EventfulVariants:
         study, kernels = self.study, self.kernels
         if not has_events(study.model):
             return "there are no events"
-        if given := [name for name in NOT_IN_C if study.simulation.get(name)]:
-            return f"{given[0]} is given"
+        if study.simulation.get("stop"):
+            return "stop is given"
         if study.simulation.get("engine", AUTO) not in (AUTO, "c", COMPILED) or study.simulation.get("number", "double") != "double":
             return "engine or number is given"
         if uses_accelerations(study.model) and any(column.is_output(study.model) for column in study.values):
@@ -88,8 +85,8 @@ class EventfulVariants:
         )
         many = ManyRuns(kernels=kernels, run=self.run, method=self.method, motions=motions)
         many.carry_out(thread_count(threads, kernels.name), progress)
-        given = dict(enumerate(starts))
-        return {given[k]: values for k in sorted(many.carried) if (values := self._kept(motions, many.carried[k], k))}
+        numbers = dict(enumerate(starts))
+        return {numbers[k]: values for k in sorted(many.carried) if (values := self._kept(motions, many.carried[k], k))}
 
     def _start(self, row: np.ndarray) -> Start | None:
         """Where a variant starts; None where that is impossible, or a warning has to be given."""
@@ -107,7 +104,7 @@ class EventfulVariants:
 
     def _kept(self, motions: MotionRows, events: tuple[Happening, ...], k: int) -> Values | None:
         """What is kept of motion k; None where C does not know it."""
-        kernels, rows, p = self.kernels, int(motions.rows[k]), motions.p[k]
+        kernels, rows, p = self.kernels.driven_by(self.run.signals), int(motions.rows[k]), motions.p[k]
         t, q, qd, work = motions.times[:rows], motions.out_q[k, :rows], motions.out_qd[k, :rows], motions.out_work[k, :rows]
         if rows < len(motions.times):
             if any(column.over == "energy_drift" for column in self.study.values) or events[-1].limit is not None:

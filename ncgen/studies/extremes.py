@@ -19,12 +19,12 @@ def weights(t: np.ndarray, x: np.ndarray, rates: np.ndarray | None, largest: boo
     """How the largest or the smallest of one history x (K,) changes with x and with its rates, (K,) each."""
     sign = 1.0 if largest else -1.0
     k = int(np.argmax(sign * x))
-    best, place = x[k], (k, 0.0)
+    best, extreme = x[k], (k, 0.0)
     for s, values in _turning_points(t, x[None], None if rates is None else rates[None]):
         j = int(np.argmax(sign * values[0]))
         if sign * values[0, j] > sign * best:
-            best, place = values[0, j], (j, float(s[0, j]))
-    (k, s), by_x, by_rates = place, np.zeros(len(t)), np.zeros(len(t))
+            best, extreme = values[0, j], (j, float(s[0, j]))
+    (k, s), by_x, by_rates = extreme, np.zeros(len(t)), np.zeros(len(t))
     if s == 0.0:
         by_x[k] = 1.0
         return by_x, by_rates

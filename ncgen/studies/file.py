@@ -63,9 +63,9 @@ def _check(path: Path, data: dict[str, Any], tables: list[FileTable]) -> None:
     for key, value in data.items():
         if key not in KINDS:
             raise ModelError(placed(path.name, _key_line(tables, key), f"{key}: unknown; {suggestion(key, KINDS)}"))
-        kinds, what = KINDS[key]
+        kinds, expected = KINDS[key]
         if not isinstance(value, kinds) or isinstance(value, bool):
-            raise ModelError(placed(path.name, _key_line(tables, key), f"{key}: it is {what}"))
+            raise ModelError(placed(path.name, _key_line(tables, key), f"{key}: it is {expected}"))
     if missing := [key for key in NEEDED if key not in data]:
         raise ModelError(placed(path.name, 1, f"{missing[0]} is missing; a study has {', '.join(NEEDED)}"))
 

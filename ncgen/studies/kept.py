@@ -19,9 +19,10 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.model import Model
+from ncgen.model.actions import Locking
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import Outline, known_name, names_of, offer
-from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening
+from ncgen.solver.trajectories.happening import GAPS, JOINTS, LOCKS, RATCHETS, Happening
 from ncgen.studies.design import started
 from ncgen.studies.extremes import extremes
 
@@ -29,6 +30,9 @@ OVER = ("max", "min", "history")
 GRADIENT = "gradient"
 SPECIAL = ("energy_drift", "steps", "time")
 OF_EVENTS = ("first_time", "count", "impulse", "energy_lost")
+
+BY_NAME = (*JOINTS, *LOCKS)
+"""What counts as the event itself, without its word as well."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +73,10 @@ class Kept:
 
     def of_events(self, happened: Sequence[Happening]) -> float:
         """What is kept of the events of a run. NaN of an event that does not happen has a time."""
-        own = [each for each in happened if self.name in (f"{each.name} {each.what}".strip(), each.name if each.what in JOINTS else "")]
+        events = [each for each in happened if self.name in (each.label, each.name if each.transition in BY_NAME else "")]
         if self.over == "first_time":
-            return own[0].t if own else np.nan
-        return float(len(own) if self.over == "count" else sum(getattr(each, self.over) for each in own))
+            return events[0].t if events else np.nan
+        return float(len(events) if self.over == "count" else sum(getattr(each, self.over) for each in events))
 
     def is_output(self, model: Model) -> bool:
         return self.name in model.outputs
@@ -95,7 +99,7 @@ def _gradients(word: str, known: Outline, varied: Sequence[str]) -> list[Kept]:
     if not (word.startswith(f"{GRADIENT}(") and word.endswith(")")) or _is_known(word, known):
         return []
     of = word[len(GRADIENT) + 1 : -1]
-    first, comma, by = (part.strip() for part in of.rpartition(","))
+    first, comma, by = (word_part.strip() for word_part in of.rpartition(","))
     whole = not comma or _is_known(of, known)
     column = Kept.of(of if whole else first, known)
     if column.over not in ("end", "max", "min"):
@@ -118,11 +122,13 @@ def _is_known(name: str, known: Outline) -> bool:
 
 
 def event_names(model: Model) -> tuple[str, ...]:
-    """What may be named of events: an event, a friction, and what either does to what is held."""
+    """What may be named of events: an event, a friction, a ratchet, a lock, and what each does to what is held."""
     contacts = [name for name, event in model.events.items() if event.impact]
-    kinds = ((contacts, GAPS), ((*model.frictions, *model.contacts), JOINTS), (model.ratchets, RATCHETS))
-    held = [f"{name} {what}" for names, words in kinds for name in names for what in words]
-    return (*model.events, *model.frictions, *model.ratchets, *held)
+    locking = [name for name, event in model.events.items() if any(isinstance(action, Locking) for action in event.do)]
+    locks = dict.fromkeys((*model.locks, *locking))
+    kinds = ((contacts, GAPS), ((*model.frictions, *model.contacts), JOINTS), (model.ratchets, RATCHETS), (locks, LOCKS))
+    held = [f"{name} {transition}" for names, words in kinds for name in names for transition in words]
+    return tuple(dict.fromkeys((*model.events, *model.frictions, *model.ratchets, *model.locks, *held)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -49,14 +49,14 @@ def read(path: str | os.PathLike[str], model: Model | Kernels | None = None) -> 
     NcgenError
         For other files, broken ones, and a trajectory of another model.
     """
-    place = as_path(path, "the path of a study's folder or of a trajectory")
-    if is_folder(place):
-        folder = Folder.at(place)
+    file = as_path(path, "the path of a study's folder or of a trajectory")
+    if is_folder(file):
+        folder = Folder.at(file)
         return StudyResult(folder.manifest, folder)
-    if place.suffix != ".npz":
-        raise NcgenError(f"{place}: {'no' if is_there(place) else 'there is no such'} folder of a study or trajectory.npz; give one")
-    recorded = Recorded.read(place)
+    if file.suffix != ".npz":
+        raise NcgenError(f"{file}: {'no' if is_there(file) else 'there is no such'} folder of a study or trajectory.npz; give one")
+    recorded = Recorded.read(file)
     if model is None and not (recorded.model and recorded.about):
         return recorded
-    the_model = model_of(recorded.model, place) if model is None else model
+    the_model = model_of(recorded.model, file) if model is None else model
     return recorded.trajectory(compile(the_model) if isinstance(the_model, Model) else the_model)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError, counted
-from ncgen.files import output_was, path_of, write_text, writing
+from ncgen.files import argument_was, path_of, write_text, writing
 from ncgen.solver.given import echo, offer
 from ncgen.studies.indices import Indices, indices
 from ncgen.studies.study_folder import Folder
@@ -52,7 +52,7 @@ class StudyResult:
         """(first, end, file or part), none of which overlap."""
         if self.folder is not None:
             return self.folder.files()
-        return [(part.first, part.first + len(part), part) for part in sorted(self.held, key=lambda part: part.first)]
+        return [(block.first, block.first + len(block), block) for block in sorted(self.held, key=lambda block: block.first)]
 
     def __len__(self) -> int:
         return sum(end - first for first, end, _ in self._spans)
@@ -176,7 +176,7 @@ class StudyResult:
             arrays[name] = ((*dims, "t")[: len(shape) + values.ndim - 1], values.reshape(*shape, *values.shape[1:]))
         return xarray.Dataset(arrays, {**axes, **({"t": self.times} if len(self.times) else {})}, {"model": self.about["model"]})
 
-    @output_was("path")
+    @argument_was("path")
     def to_parquet(self, output: str | os.PathLike[str]) -> Path:
         """Write the table as a Parquet file, a part of the study at a time.
 
@@ -202,13 +202,13 @@ class StudyResult:
         with writing(target) as file, ExitStack() as stack:
             writer: Any = None
             for first, _, at in self._spans:
-                part = StudyResult(self.about, None, (self._part(first, at),))
-                batch = arrow.table({k: v.tolist() if v.dtype == object else v for k, v in part.table().items()})
+                block = StudyResult(self.about, None, (self._part(first, at),))
+                batch = arrow.table({k: v.tolist() if v.dtype == object else v for k, v in block.table().items()})
                 writer = writer or stack.enter_context(parquet.ParquetWriter(file, batch.schema))
                 writer.write_table(batch)
         return target
 
-    @output_was("path")
+    @argument_was("path")
     def to_csv(self, output: str | os.PathLike[str]) -> Path:
         """Write the table with a header line and every digit.
 
@@ -275,7 +275,7 @@ class StudyResult:
     @overload
     def plot(self, output: str | os.PathLike[str], names: str | Iterable[str] | None = None) -> Path: ...
 
-    @output_was("path")
+    @argument_was("path")
     def plot(self, output: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None) -> Figure | Path:
         """Plot columns: envelopes of histories, heat maps of a grid of two, points over what varied, or parallel coordinates.
 

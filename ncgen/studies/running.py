@@ -123,10 +123,12 @@ def study(
     NcgenError
         Where the folder cannot be written. Ctrl-C keeps what is in the folder.
     """
-    own = {**OF_THE_STUDY, **{name: value for name, value in arguments.items() if name in OF_THE_STUDY}}
+    design = {**OF_THE_STUDY, **{name: value for name, value in arguments.items() if name in OF_THE_STUDY}}
     runs = {name: value for name, value in arguments.items() if name not in OF_THE_STUDY}
-    workers, threads = own.pop("workers"), own.pop("threads")
-    return carry_out(Study.of(model, vary, keep=keep, times=times, steps=steps, simulation=runs, **own), output, workers, threads, progress)
+    workers, threads = design.pop("workers"), design.pop("threads")
+    return carry_out(
+        Study.of(model, vary, keep=keep, times=times, steps=steps, simulation=runs, **design), output, workers, threads, progress
+    )
 
 
 def carry_out(
@@ -148,8 +150,8 @@ def carry_out(
         keep = about.write if about else parts.append
         engine = _engine(bench, workers, threads, stack)
         advance = _progress_of(study, progress, stack)
-        for part in stack.enter_context(closing(_Work(study, missing, advance).parts(engine))):
-            keep(part)
+        for block in stack.enter_context(closing(_Work(study, missing, advance).parts(engine))):
+            keep(block)
     return StudyResult(about.manifest if about else manifest(study, bench.made_with), about, tuple(parts))
 
 
@@ -200,10 +202,10 @@ class _Work:
         """All parts, in the order in which they are done."""
         self.report_progress(0.0)
         with closing(engine.parts(self.next_chunk, self.report_progress)) as done:
-            for part, seconds in done:
-                self.left -= len(part)
-                self.pace.learn(len(part), seconds)
-                yield part
+            for block, seconds in done:
+                self.left -= len(block)
+                self.pace.learn(len(block), seconds)
+                yield block
                 self.report_progress(0.0)
 
     def report_progress(self, more: float) -> None:

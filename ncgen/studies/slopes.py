@@ -43,8 +43,8 @@ class Slopes:
         for column in study.gradients:
             name = coordinate_of(started(column.by) or "")
             if name and independent and name not in independent:
-                own = ", ".join(independent)
-                raise ModelError(f"keep, {column.word}: {name} is not independent at the start; {own} are, others are chosen by z")
+                names = ", ".join(independent)
+                raise ModelError(f"keep, {column.word}: {name} is not independent at the start; {names} are, others are chosen by z")
 
     @cached_property
     def integrator(self) -> str:
@@ -77,17 +77,17 @@ class Slopes:
         off = float(np.max(np.abs(motion.q[-1] - end) / self.kernels.column_sizes, initial=0.0))
         return (
             gradients,
-            f"gradient: its {study.steps} steps end {off:.1g} beside the motion; take more steps" if off > MAX_END_DIFFERENCE else None,
+            f"gradient: its {study.steps} steps end {off:.1g} away from the motion; take more steps" if off > MAX_END_DIFFERENCE else None,
         )
 
     def _all(self, motion: Motion, q0: Any) -> dict[str, float]:
-        slopes: dict[tuple[str, str], dict[str, float]] = {}
+        derivatives: dict[tuple[str, str], dict[str, float]] = {}
         gradients = {}
         for column in self.study.gradients:
             key = column.over, column.name
-            if key not in slopes:
-                slopes[key] = self._slopes(motion, column, q0)
-            gradients[column.word] = slopes[key].get(started(column.by) or column.by, np.nan)
+            if key not in derivatives:
+                derivatives[key] = self._slopes(motion, column, q0)
+            gradients[column.word] = derivatives[key].get(started(column.by) or column.by, np.nan)
         return gradients
 
     def _slopes(self, motion: Motion, column: Kept, q0: Any) -> dict[str, float]:
@@ -115,12 +115,12 @@ class Slopes:
             k, n = int(np.argmax(by_x)), kernels.n
             seeds = np.delete(np.eye(3 * n + kernels.m + len(motion.p)), np.s_[2 * n : 3 * n + kernels.m], axis=0)
             state = motion.q[k], motion.qd[k], np.zeros(n), np.zeros(kernels.m)
-            slope = output_slopes(kernels, float(motion.t[k]), state, motion.p, seeds)[outputs.index(column.name)]
-            by_q[k], by_qd[k], by_p[:] = slope[:n], slope[n : 2 * n], slope[2 * n :]
+            derivative = output_slopes(kernels, float(motion.t[k]), state, motion.p, seeds)[outputs.index(column.name)]
+            by_q[k], by_qd[k], by_p[:] = derivative[:n], derivative[n : 2 * n], derivative[2 * n :]
             return by_q, by_qd, by_p
-        place = kernels.index[coordinate_of(column.name)]
-        (by_q if column.name in kernels.index else by_qd)[:, place] = by_x
-        by_qd[:, place] += by_rates
+        column_index = kernels.index[coordinate_of(column.name)]
+        (by_q if column.name in kernels.index else by_qd)[:, column_index] = by_x
+        by_qd[:, column_index] += by_rates
         return by_q, by_qd, by_p
 
     def _history(self, motion: Motion, name: str) -> tuple[np.ndarray, np.ndarray | None]:

@@ -31,8 +31,11 @@ MANIFEST, LOCK = "study.json", ".lock"
 NAME = "variants-{:016d}-{:016d}.npz"
 FILES = re.compile(r"variants-(\d{16})-(\d{16})\.npz")
 UNFINISHED = ".variants-*"
-SAID_OF, SAID = "said of", "what was said"
-"""Arrays of a file beside the columns: variants of which something was said, and what. (No column has a blank in a name like these.)"""
+MESSAGE_VARIANTS, MESSAGES = "message variants", "message texts"
+"""Arrays of a file next to the columns: variants with messages, and these. (No column has a blank in a name like these.)"""
+
+FORMER = {"said of": MESSAGE_VARIANTS, "what was said": MESSAGES}
+"""{array in files of before: its name today}."""
 
 MAX_VARIANTS = 10**16 - 1
 """Variants of a study, as the names of files can say."""
@@ -97,8 +100,8 @@ class Folder:
         for key, value in expected.items():
             if key in MAY_DIFFER or (present := self.manifest.get(key)) == value:
                 continue
-            what = {"study": "another study", "ncgen": f"results of ncgen {shown(present)[1:-1]}, not {value}"}
-            which = what.get(key, f"a manifest in which {key} is {shown(present)} instead of {shown(value)}")
+            problems = {"study": "another study", "ncgen": f"results of ncgen {shown(present)[1:-1]}, not {value}"}
+            which = problems.get(key, f"a manifest in which {key} is {shown(present)} instead of {shown(value)}")
             raise NcgenError(f"{self.path}: it holds {which}; give another folder, or remove this one")
 
     @property
@@ -108,11 +111,11 @@ class Folder:
 
     def files(self) -> list[tuple[int, int, Path]]:
         """(first, end, file) of the variants that are done, in order. Raises NcgenError where two files hold the same variants."""
-        listed, place = self._listed(), 0
+        listed, position = self._listed(), 0
         for first, end, path in listed:
-            if why := self._misplaced(first, end, place):
+            if why := self._misplaced(first, end, position):
                 raise NcgenError(f"{path}: {why}; start the study again, which removes it")
-            place = end
+            position = end
         return listed
 
     def missing(self) -> list[tuple[int, int]]:
@@ -122,29 +125,32 @@ class Folder:
         """
         for path in self.path.glob(UNFINISHED):
             _remove(path)
-        gaps, place, broken = list[tuple[int, int]](), 0, list[str]()
+        gaps, position, broken = list[tuple[int, int]](), 0, list[str]()
         for first, end, path in self._listed():
-            if why := self._misplaced(first, end, place) or self._fault(path):
+            if why := self._misplaced(first, end, position) or self._fault(path):
                 broken.append(f"{path.name} ({why})")
                 _remove(path)
                 continue
-            if first > place:
-                gaps.append((place, first))
-            place = end
+            if first > position:
+                gaps.append((position, first))
+            position = end
         if broken:
             count = f"{len(broken)} files are not whole, the first is" if len(broken) > 1 else "a file is not whole,"
             warnings.warn(f"{self.path}: {count} {broken[0]}; what they should hold is computed again", stacklevel=2)
-        return [*gaps, (place, self.manifest["variants"])] if place < self.manifest["variants"] else gaps
+        return [*gaps, (position, self.manifest["variants"])] if position < self.manifest["variants"] else gaps
 
     def is_whole(self) -> bool:
         """Whether every file that is there is whole; reads all of them."""
         return not any(self._fault(path) for _, _, path in self.files())
 
-    def write(self, part: Part) -> None:
+    def write(self, block: Part) -> None:
         """Add variants. Raises NcgenError in one line where they cannot be written; what was written before stays."""
-        messages = {SAID_OF: np.array([*part.messages], dtype=np.int64), SAID: np.array([*part.messages.values()], dtype=str)}
+        messages = {
+            MESSAGE_VARIANTS: np.array([*block.messages], dtype=np.int64),
+            MESSAGES: np.array([*block.messages.values()], dtype=str),
+        }
         try:
-            write_bytes(self.path / NAME.format(part.first, part.first + len(part)), packed(part.columns | messages))
+            write_bytes(self.path / NAME.format(block.first, block.first + len(block)), packed(block.columns | messages))
         except NcgenError as error:
             cause = error.__cause__
             why = getattr(cause, "strerror", None) or str(error)
@@ -161,12 +167,12 @@ class Folder:
 
     def part(self, first: int, path: Path) -> Part:
         """The variants of one file. Raises NcgenError for a file that is broken."""
-        columns = self._read(path, (*self.columns, SAID_OF, SAID))
+        columns = self._read(path, (*self.columns, MESSAGE_VARIANTS, MESSAGES))
         return Part(first, {name: columns[name] for name in self.columns}, _messages_in(columns))
 
     def messages(self, path: Path) -> dict[int, str]:
         """{variant: sentence} of one file. Raises NcgenError for a file that is broken."""
-        return _messages_in(self._read(path, (SAID_OF, SAID)))
+        return _messages_in(self._read(path, (MESSAGE_VARIANTS, MESSAGES)))
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -189,11 +195,11 @@ class Folder:
         except OSError as error:
             raise NcgenError(f"{self.path}: {error.strerror or error}; give the folder of a study") from error
 
-    def _misplaced(self, first: int, end: int, place: int) -> str:
-        """Why a file is not one that holds variants behind `place`, in words; "" if it is."""
+    def _misplaced(self, first: int, end: int, position: int) -> str:
+        """Why a file is not one that holds variants behind `position`, in words; "" if it is."""
         if not first < end <= self.manifest["variants"]:
             return f"there are no such variants among {self.manifest['variants']}"
-        return "another file has some of its variants" if first < place else ""
+        return "another file has some of its variants" if first < position else ""
 
     def _fault(self, path: Path) -> str:
         """Why a file is not whole, in words; "" if it is."""
@@ -212,26 +218,26 @@ class Folder:
 
     def _arrays(self, path: Path, names: Collection[str] | None) -> dict[str, np.ndarray]:
         """Columns of a file, None for all, whose checksums and lengths are right. Raises OSError, or ValueError in words."""
-        columns = arrays(path, names)
+        columns = arrays(path, names, FORMER)
         name = FILES.fullmatch(path.name)
         count = int(name[2]) - int(name[1]) if name else 0
-        for column in (*self.columns, SAID_OF, SAID) if names is None else names:
+        for column in (*self.columns, MESSAGE_VARIANTS, MESSAGES) if names is None else names:
             if column not in columns:
                 raise ValueError(f"it has no {column}")
-            if column in (SAID_OF, SAID):
-                if columns[column].ndim != 1 or columns[column].dtype.kind != ("i" if column == SAID_OF else "U"):
+            if column in (MESSAGE_VARIANTS, MESSAGES):
+                if columns[column].ndim != 1 or columns[column].dtype.kind != ("i" if column == MESSAGE_VARIANTS else "U"):
                     raise ValueError(f"{column} is no list")
                 continue
             shape = (count, len(self.manifest["times"])) if column.startswith("history(") and column in self.manifest["kept"] else (count,)
             if columns[column].shape != shape or columns[column].dtype.kind not in ("b" if column == "ok" else "if"):
                 raise ValueError(f"{column} has {columns[column].dtype} of shape {columns[column].shape}, not {shape}")
-        if {SAID_OF, SAID} <= columns.keys() and len(columns[SAID_OF]) != len(columns[SAID]):
-            raise ValueError(f"{SAID} and {SAID_OF} have different lengths")
+        if {MESSAGE_VARIANTS, MESSAGES} <= columns.keys() and len(columns[MESSAGE_VARIANTS]) != len(columns[MESSAGES]):
+            raise ValueError(f"{MESSAGES} and {MESSAGE_VARIANTS} have different lengths")
         return columns
 
 
 def _messages_in(columns: Mapping[str, np.ndarray]) -> dict[int, str]:
-    return dict(zip(columns[SAID_OF].tolist(), columns[SAID].tolist(), strict=True))
+    return dict(zip(columns[MESSAGE_VARIANTS].tolist(), columns[MESSAGES].tolist(), strict=True))
 
 
 def _remove(path: Path) -> None:

@@ -110,9 +110,9 @@ class Bench:
 
     def computed(self, first: int, rows: np.ndarray, threads: int | None = 1, progress: Callable[[float], None] | None = None) -> Part:
         """The variants with these numbers (B, names), which are not in it; else as `part`."""
-        moved = (lambda share: progress(0.0)) if progress and self._slopes else progress  # gradients take longer
-        part, ends = self._alone(first, rows, threads, moved) if self._choice is None else self._together(first, rows, threads, moved)
-        return self._with_slopes(part, rows, ends, progress)
+        moved = (lambda fraction: progress(0.0)) if progress and self._slopes else progress  # gradients take longer
+        block, ends = self._alone(first, rows, threads, moved) if self._choice is None else self._together(first, rows, threads, moved)
+        return self._with_slopes(block, rows, ends, progress)
 
     def _samples(self) -> Iterator[np.ndarray]:
         """Numbers of variants among which one may be found that can be started; those that were enough stay."""
@@ -136,20 +136,20 @@ class Bench:
                     return names
         return ()
 
-    def _with_slopes(self, part: Part, rows: np.ndarray, ends: np.ndarray, progress: Callable[[float], None] | None) -> Part:
+    def _with_slopes(self, block: Part, rows: np.ndarray, ends: np.ndarray, progress: Callable[[float], None] | None) -> Part:
         """The same variants with their gradients. ends: where each arrives (B, n)."""
         if self._slopes is None:
-            return part
+            return block
         gradients = {column.word: np.full(len(rows), np.nan) for column in self.study.gradients}
-        for i in np.flatnonzero(part.columns["ok"]).tolist():
+        for i in np.flatnonzero(block.columns["ok"]).tolist():
             if progress:
                 progress(i / len(rows))
             values, doubt = self._slopes.of(rows[i], ends[i])
             for word, value in values.items():
                 gradients[word][i] = value
             if doubt:
-                part.messages.setdefault(part.first + i, doubt)
-        return Part(part.first, part.columns | gradients, part.messages)
+                block.messages.setdefault(block.first + i, doubt)
+        return Part(block.first, block.columns | gradients, block.messages)
 
     # -- in lanes --------------------------------------------------------------------------------------------------------------------------
 
@@ -157,15 +157,15 @@ class Bench:
         study, simulation = self.study, self.study.simulation
         if has_events(study.model):
             return "the model has events"
-        given = [name for name in ARGUMENTS_NOT_IN_LANES if simulation.get(name)]
-        if given:
-            return f"{given[0]} is given"
+        conflicts = [name for name in ARGUMENTS_NOT_IN_LANES if simulation.get(name)]
+        if conflicts:
+            return f"{conflicts[0]} is given"
         if simulation.get("engine", AUTO) not in (AUTO, "emitted") or simulation.get("number", "double") != "double":
             return "engine or number is given"
         if simulation.get("formalism", AUTO) not in (AUTO, "coordinate-partitioning"):
             return f"formalism is {simulation['formalism']}"
         if simulation.get("integrator", AUTO) == AUTO and not study.left_open:
-            return "the integrator is left open beside a formalism"
+            return "a formalism is named, and no integrator"
         if uses_accelerations(study.model) and any(column.is_output(study.model) for column in study.values):
             return "outputs mention accelerations or loads"
         try:
@@ -214,12 +214,12 @@ class Bench:
         for (argument, name), column in columns.items():
             if argument == "p":
                 p[:, kernels.parameters.index(name)] = column
-        q, given = np.array(kernels.start(p)), self.study.simulation.get("q0")
-        if isinstance(given, dict):
-            for name, value in given.items():
+        q, start = np.array(kernels.start(p)), self.study.simulation.get("q0")
+        if isinstance(start, dict):
+            for name, value in start.items():
                 q[:, kernels.index[name]] = value
-        elif given is not None:
-            q[:] = position(kernels, given)
+        elif start is not None:
+            q[:] = position(kernels, start)
         for (argument, name), column in columns.items():
             if argument == "q0":
                 q[:, kernels.index[name]] = column
@@ -228,18 +228,18 @@ class Bench:
     @cached_property
     def _named_rates(self) -> tuple[str, ...]:
         """Coordinates whose initial velocities are given by name, those that vary last."""
-        given = self._lanes_run[0].initial.zd
+        velocities = self._lanes_run[0].initial.zd
         varied = (inner for argument, inner in map(argument_of, self.study.design.names) if argument == "zd0")
-        return tuple(dict.fromkeys((*(given if isinstance(given, dict) else ()), *varied)))
+        return tuple(dict.fromkeys((*(velocities if isinstance(velocities, dict) else ()), *varied)))
 
     def _rates(self, varied: dict[str, np.ndarray], count: int) -> np.ndarray:
         """Velocities (B, nz) of the independent coordinates. Raises ModelError for those of others."""
         assert self._choice is not None
-        names, given = self._choice.names, self._lanes_run[0].initial.zd
+        names, start = self._choice.names, self._lanes_run[0].initial.zd
         velocities = np.zeros((count, len(names)))
-        rates = given if isinstance(given, dict) else dict(zip(names, () if given is None else given, strict=False))
-        if not isinstance(given, dict) and given is not None:
-            check_count(given, names)
+        rates = start if isinstance(start, dict) else dict(zip(names, () if start is None else start, strict=False))
+        if not isinstance(start, dict) and start is not None:
+            check_count(start, names)
         check_independent(self._named_rates, names)
         for name, value in {**rates, **varied}.items():
             velocities[:, names.index(name)] = value
@@ -280,10 +280,10 @@ class Bench:
         kernels, wanted = self.kernels, [column for column in self.study.values if column.is_output(self.study.model)]
         values = np.full((*done.q.shape[:2], len(kernels.model.outputs) if wanted else 0), np.nan)
         if wanted:
-            places = [len(t) - 1] if all(column.over == "end" for column in wanted) else list(range(len(t)))
+            rows_kept = [len(t) - 1] if all(column.over == "end" for column in wanted) else list(range(len(t)))
             for i in np.flatnonzero(ok):
-                q, qd = done.q[i, places], done.qd[i, places]
-                values[i, places] = outputs_of(kernels, t[places], q, qd, p[i])
+                q, qd = done.q[i, rows_kept], done.qd[i, rows_kept]
+                values[i, rows_kept] = outputs_of(kernels, t[rows_kept], q, qd, p[i])
         return values
 
     # -- one at a time ---------------------------------------------------------------------------------------------------------------------

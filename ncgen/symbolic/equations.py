@@ -21,7 +21,7 @@ from ncgen.model.forces import Couple, Force, Load, Potential
 from ncgen.model.names import LAW, TIME
 from ncgen.model.rows import Owner, Row, describe
 from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, text_of
-from ncgen.symbolic import templates
+from ncgen.symbolic import force_templates, templates
 from ncgen.symbolic.inertia_terms import inertia_terms
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.omissions import Pairs, angle_row_type, perpendicular_pairs
@@ -103,7 +103,7 @@ def _row(names: ModelNames, number: int, row: Row, perpendicular: Pairs, omitted
     if row.type is None:
         import sympy
 
-        where = f"row {number + 1} ({row.label})"
+        where = f"constraint {number + 1} ({row.label})"
         scalars, data = names.mentioned(row.written, where)
         if row.level == "position":
             _refuse_rates(row.written, scalars, f"{where}: an equation of position", "use m.constrain_velocity")
@@ -180,14 +180,14 @@ class ModelNames:
         return [c for _, c in sorted(coordinates.items())], [p for _, p in sorted(numbers.items())]
 
 
-def _refuse_rates(expression: Scalar, coordinates: Iterable[Component], what: str, remedy: str) -> None:
+def _refuse_rates(expression: Scalar, coordinates: Iterable[Component], quantity: str, remedy: str) -> None:
     """Raise ModelError where an expression of positions mentions a velocity."""
     import sympy
 
     mentioned = {s.name for s in symbols_in(sympy.sympify(expression))}
     rates = [rate_name(c.name) for c in coordinates if rate_name(c.name) in mentioned]
     if rates:
-        raise ModelError(f"{what} does not depend on velocities, here on {rates[0]}; {remedy}")
+        raise ModelError(f"{quantity} does not depend on velocities, here on {rates[0]}; {remedy}")
 
 
 def _words(named: Iterable[Component | Parameter]) -> tuple[str, ...]:
@@ -196,14 +196,14 @@ def _words(named: Iterable[Component | Parameter]) -> tuple[str, ...]:
 
 def _load(names: ModelNames, load: Load) -> Term:
     """A force type of the catalogue at its place."""
-    kind, make = load.type, templates.force_template
+    kind, make = load.type, force_templates.force_template
     arguments, data = load.given()
     if load.law is not None:
         used = {s.name for s in symbols_in(load.law)} - {*LAW, TIME}
         data = [p for p in names.model.parameters.values() if p.name in used]
         if used - set(_words(data)):
             raise ModelError(f"{load.label}: {sorted(used)[0]} is not a parameter; a law is made of length, rate, m.time and parameters")
-        kind, make = templates.law_type(kind, load.label, load.law, _words(data)), templates.derived_force
+        kind, make = force_templates.law_type(kind, load.label, load.law, _words(data)), force_templates.derived_force
     if not all(map(is_number, data)) and _varies(names, load, data):
         return _varying(names, load, arguments, data)
     equation = describe(kind.equation, dict(zip((*kind.vectors, *kind.scalars, *kind.data), (*arguments, *data), strict=True)))
@@ -231,7 +231,7 @@ def _varying(names: ModelNames, load: Load, arguments: Sequence[Combination | Co
 
     kind, written = load.type, [sympy.sympify(as_sympy(x)) for x in data]
     coordinates, numbers = names.mentioned(sympy.Tuple(*written), load.label)
-    template = templates.varying_force(kind, load.label, written, _words(coordinates), _words(numbers))
+    template = force_templates.varying_force(kind, load.label, written, _words(coordinates), _words(numbers))
     equation = describe(kind.equation, dict(zip((*kind.vectors, *kind.scalars, *kind.data), (*arguments, *data), strict=True)))
     forms = _forms([*arguments, *coordinates])
     return Term(template=template, scalars=forms, data=tuple(numbers), owner=Owner("user", load.label), label=load.label, equation=equation)
@@ -244,7 +244,7 @@ def _force(names: ModelNames, force: Force, released: Collection[Component]) -> 
     scalars, data = names.mentioned(sympy.Tuple(*components.values()), force.label)
     scalars = list(dict.fromkeys([*scalars, *components]))
     along = {scalars.index(c): e for c, e in components.items()}
-    template = templates.user_force(force.label, _words(scalars), _words(data), along)
+    template = force_templates.user_force(force.label, _words(scalars), _words(data), along)
     equation = ", ".join(f"{text_of(e)} along {c.name}" for c, e in components.items())
     return Term(
         template=template, scalars=_forms(scalars), data=tuple(data), owner=Owner("user", force.label), label=force.label, equation=equation
@@ -256,8 +256,8 @@ def _alike(forces: Sequence[Term]) -> list[Term]:
     shared: dict[tuple[object, ...], list[int]] = defaultdict(list)
     plain: dict[int, Template] = {}
     for k, term in enumerate(forces):
-        if term.template.equation == templates.USER_FORCE:
-            plain[k] = templates.without_names(term.template)
+        if term.template.equation == force_templates.USER_FORCE:
+            plain[k] = force_templates.without_names(term.template)
             shared[tuple(plain[k].outputs.items())].append(k)
     terms = list(forces)
     for numbers in shared.values():
@@ -289,7 +289,7 @@ def _potential(names: ModelNames, potential: Potential) -> Term:
     scalars, data = names.mentioned(potential.expression, potential.label)
     _refuse_rates(potential.expression, scalars, f"{potential.label}: a potential", "use m.force or m.torque")
     expression = sympy.sympify(potential.expression)
-    template = templates.user_potential(potential.label, _words(scalars), _words(data), expression)
+    template = force_templates.user_potential(potential.label, _words(scalars), _words(data), expression)
     return Term(
         template=template,
         scalars=_forms(scalars),

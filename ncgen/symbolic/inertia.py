@@ -89,7 +89,7 @@ def _over_basis(body: Body, basis: tuple[Spatial, ...], parameters: dict[str, Pa
     crossed = len(axes) == 2
     if crossed:
         axes.append(list(cross(axes[0], axes[1])))
-    matrix, *further = (_standard(part, axes, origin, parameters) for part in inertia.parts or (inertia,))
+    matrix, *further = (_standard(part_inertia, axes, origin, parameters) for part_inertia in inertia.parts or (inertia,))
     for other in further:
         matrix = tuple(tuple(_plus(a, b) for a, b in zip(*rows, strict=True)) for rows in zip(matrix, other, strict=True))
     return StandardInertia(tuple(forms), matrix, crossed)
@@ -141,22 +141,24 @@ def _standard(
 def _combined(shares: Sequence[Exact], values: Sequence[Exact], size: float) -> Exact:
     """Σ share · value, of shares that are numbers, with each term of the values once and none whose share is rounding next to `size`."""
     number, coefficients = Fraction(0), defaultdict["sympy.Expr", Fraction](Fraction)
-    for share, value in zip(shares, values, strict=True):
-        assert isinstance(share, Fraction | int)
+    for coefficient, value in zip(shares, values, strict=True):
+        assert isinstance(coefficient, Fraction | int)
         if isinstance(value, Fraction):
-            number += share * value
+            number += coefficient * value
             continue
         for term, factor in value.as_coefficients_dict().items():
             if term == 1:
-                number += share * Fraction(float(factor))
+                number += coefficient * Fraction(float(factor))
             else:
-                coefficients[term] += share * Fraction(float(factor))
+                coefficients[term] += coefficient * Fraction(float(factor))
     if not coefficients:
         return number
     import sympy
 
     terms = [
-        sympy.Float(float(share)) * term if share != 1 else term for term, share in coefficients.items() if abs(share) > ROUNDING * size
+        sympy.Float(float(coefficient)) * term if coefficient != 1 else term
+        for term, coefficient in coefficients.items()
+        if abs(coefficient) > ROUNDING * size
     ]
     return sympy.Add(*terms, *([sympy.Float(float(number))] if number else [])) if terms else number
 

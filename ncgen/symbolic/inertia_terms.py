@@ -14,7 +14,7 @@ from ncgen.model.elements import Component
 from ncgen.model.forces import Rotor
 from ncgen.model.rows import Owner
 from ncgen.model.values import Scalar, Value, as_sympy, is_number
-from ncgen.symbolic import templates
+from ncgen.symbolic import mass_templates
 from ncgen.symbolic.inertia import Exact, StandardInertia, centre_weights, standard_inertia
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ def inertia_terms(
         if standard.crossed:
             varying += _cross_product_terms(body, standard, model.gravity_field)
     for rotor in rotors:
-        (own,) = rotor.coordinate.components
-        mass[own, own] += Fraction(float(rotor.inertia)) if is_number(rotor.inertia) else as_sympy(rotor.inertia)
+        (coordinate,) = rotor.coordinate.components
+        mass[coordinate, coordinate] += Fraction(float(rotor.inertia)) if is_number(rotor.inertia) else as_sympy(rotor.inertia)
     owner = Owner("body", bodies[0].name) if len(bodies) == 1 else Owner("model", model.name)
     # M is symmetric: a pair stands once, in the order of q.
     pairs = {pair: m for pair, m in mass.items() if m != 0 and order[pair[0]] <= order[pair[1]]}
@@ -60,10 +60,10 @@ def _add_constant_mass(mass: dict[tuple[Component, Component], Amount], standard
         for l in range(count):
             for wk, ck in standard.directions[k]:
                 for wl, cl in standard.directions[l]:
-                    share = standard.matrix[k][l] * _exact(wk * wl, standard.matrix[k][l])
+                    contribution = standard.matrix[k][l] * _exact(wk * wl, standard.matrix[k][l])
                     for a, b in zip(ck, cl, strict=True):
                         if all(not c.fixed or c in released for c in (a, b)):
-                            mass[a, b] += share
+                            mass[a, b] += contribution
 
 
 def _exact(weight: float, partner: Exact) -> Fraction | float:
@@ -76,16 +76,16 @@ def _mass_term(pair: tuple[Component, Component], amount: Amount, owner: Owner) 
     label = a.name if a is b else f"{a.name} {b.name}"
     value = _rounded(amount, f"mass of {label}")
     if a is b:
-        return Term(template=templates.mass_diagonal(), scalars=(((1.0, a),),), data=(value,), owner=owner, label=label)
-    return Term(template=templates.mass_pair(), scalars=(((1.0, a),), ((1.0, b),)), data=(value,), owner=owner, label=label)
+        return Term(template=mass_templates.mass_diagonal(), scalars=(((1.0, a),),), data=(value,), owner=owner, label=label)
+    return Term(template=mass_templates.mass_pair(), scalars=(((1.0, a),), ((1.0, b),)), data=(value,), owner=owner, label=label)
 
 
 def _add_weight(weight: dict[Component, Amount], standard: StandardInertia, gravity: Sequence[Value]) -> None:
     for k in range(len(standard.directions)):
-        share = centre_weights(standard)[k]
+        coefficient = centre_weights(standard)[k]
         for w, components in standard.directions[k]:
             for component, g in zip(components, gravity, strict=True):
-                weight[component] += share * (_exact(w, share) * _field(g, share))
+                weight[component] += coefficient * (_exact(w, coefficient) * _field(g, coefficient))
 
 
 def _field(g: Value, partner: Exact) -> Amount:
@@ -104,7 +104,7 @@ def _weight_terms(weight: Mapping[Component, Amount], owner: Owner, released: Co
         else:
             terms.append(
                 Term(
-                    template=templates.weight(),
+                    template=mass_templates.weight(),
                     scalars=(((1.0, component),),),
                     data=(_rounded(force, f"weight of {component.name}"),),
                     owner=owner,
@@ -114,7 +114,7 @@ def _weight_terms(weight: Mapping[Component, Amount], owner: Owner, released: Co
     if offset != 0:
         terms.append(
             Term(
-                template=templates.energy_offset(),
+                template=mass_templates.energy_offset(),
                 scalars=(),
                 data=(_rounded(offset, "potential of fixed points"),),
                 owner=owner,
@@ -134,16 +134,18 @@ def _cross_product_terms(body: Body, standard: StandardInertia, gravity: Sequenc
     data = tuple(_rounded(v, f"body {body.name}, inertia") for v in (*last, *pull))
     if not any(v != 0 for v in data):
         return []
-    return [Term(template=templates.cross_product_body(), scalars=tuple(forms), data=data, owner=Owner("body", body.name), label=body.name)]
+    return [
+        Term(template=mass_templates.cross_product_body(), scalars=tuple(forms), data=data, owner=Owner("body", body.name), label=body.name)
+    ]
 
 
-def _rounded(value: Amount, what: str) -> Scalar:
+def _rounded(value: Amount, where: str) -> Scalar:
     """A Fraction as the nearest double; expressions of parameters stay."""
     try:
         return float(value) if isinstance(value, (Fraction, int, float)) else value
     except OverflowError:
-        raise _too_large(what) from None
+        raise _too_large(where) from None
 
 
-def _too_large(what: str) -> ModelError:
-    return ModelError(f"{what}: it exceeds 1.8e308, the largest double; check the units of mass, inertia and lengths")
+def _too_large(where: str) -> ModelError:
+    return ModelError(f"{where}: it exceeds 1.8e308, the largest double; check the units of mass, inertia and lengths")

@@ -30,7 +30,7 @@ def angle_row_type(row: Row, kind: RowType, pairs: Pairs, omitted: list[str]) ->
     axis = row.direction("n")
     if not all(_perpendicular(row.direction(side), axis, pairs) for side in "ab"):
         return kind
-    omitted.append(f"{row.label}: projection terms, both sides are perpendicular to the axis by other rows")
+    omitted.append(f"{row.label}: projection terms, both sides are perpendicular to the axis by other constraints")
     return ROW_TYPES["angle-smooth-perpendicular"]
 
 

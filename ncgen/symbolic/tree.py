@@ -111,10 +111,10 @@ def by_depth(tree: Tree) -> Tree:
     for link in tree.links:
         depth.append(0 if link.parent is None else depth[link.parent] + 1)
     order = sorted(range(len(depth)), key=lambda number: depth[number])
-    place = {number: k for k, number in enumerate(order)}
+    renumbered = {number: k for k, number in enumerate(order)}
     links = (tree.links[number] for number in order)
-    moved = tuple(TreeLink(link.body, None if link.parent is None else place[link.parent], link.screws) for link in links)
-    return Tree(moved, tree.loose, {element: place[number] for element, number in tree.home.items()})
+    moved = tuple(TreeLink(link.body, None if link.parent is None else renumbered[link.parent], link.screws) for link in links)
+    return Tree(moved, tree.loose, {element: renumbered[number] for element, number in tree.home.items()})
 
 
 def moving(numbering: Numbering, tree: Tree) -> dict[int, tuple[Spatial, int]]:

@@ -25,7 +25,7 @@ from ncgen.errors import CompileError, NcgenError
 from ncgen.files import opened
 from ncgen.toolchain import compilers
 from ncgen.toolchain.cache_location import KEY, TEMPORARY, cache_folder, folders, forget, intruder, sealed, sweep, unsealed, written
-from ncgen.toolchain.compilers import FLAGS, LIBRARIES, LIBRARY, Compiler
+from ncgen.toolchain.compilers import FLAGS, LIBRARIES, LIBRARY, Compiler, Recipe
 from ncgen.toolchain.preparation import preparing
 
 RECORD = "build.json"
@@ -54,13 +54,13 @@ def compiled(
     files: dict[str, str],
     flags: tuple[str, ...] = FLAGS,
     libraries: tuple[str, ...] = LIBRARIES,
-    patience: float = 0.0,
+    time_limit: float = 0.0,
     siblings: Callable[[], Sequence[Sibling]] = tuple,
 ) -> BuiltLibrary:
     """The library of some C sources, from the cache or compiled now by the first compiler that works.
 
     siblings: called where the library is not in the cache, for others whose objects are taken, of the first one that has them
-    patience: seconds that a compiler may take at least, where headers are much longer than what is given here
+    time_limit: seconds that a compiler may take at least, where headers are much longer than what is given here
     A flag that a compiler refuses is left out if code is only slower without it. What was left out and which compilers failed
     is reported in one warning, and found out once in a process.
     Raises CompileError with the compiler's log if there is none, or none that works.
@@ -75,7 +75,7 @@ def compiled(
             taken = compilers.accepted(compiler, (*flags, *compilers.own_flags()))
             try:
                 built = build(
-                    files, compiler, taken, libraries, patience=patience, objects=lambda: _objects(siblings(), compiler, libraries)
+                    files, compiler, taken, libraries, time_limit=time_limit, objects=lambda: _objects(siblings(), compiler, libraries)
                 )
             except CompileError as error:
                 if refused := compilers.examine(compiler, taken, error):
@@ -113,7 +113,7 @@ def build(
     flags: tuple[str, ...] = FLAGS,
     libraries: tuple[str, ...] = LIBRARIES,
     loads: bool = True,
-    patience: float = 0.0,
+    time_limit: float = 0.0,
     objects: Callable[[], Mapping[str, Path]] = dict,
 ) -> BuiltLibrary:
     """The library of some C sources by one compiler, from the cache or compiled now.
@@ -122,23 +122,24 @@ def build(
     objects: called where it has to be compiled, for {source: its object} of what was compiled before
     Raises CompileError with the compiler's log if it fails.
     """
-    key = _key(files, compiler, flags, libraries)
+    recipe = Recipe(files, compiler, flags, libraries)
+    key = _key(recipe)
     for folder in folders():
         if record := _record(folder / key, loads):
             return BuiltLibrary(folder / key / LIBRARY, 0.0, record["seconds"])
     try:
-        return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads, patience, objects()))
+        return written(lambda folder: _build(folder / key, recipe, loads, time_limit, objects()))
     except OSError as error:
         raise CompileError(
             f"there is no room to compile in: {error.strerror or error}; set NCGEN_CACHE_DIR to a folder with some"
         ) from error
 
 
-def _key(files: dict[str, str], compiler: Compiler, flags: tuple[str, ...], libraries: tuple[str, ...]) -> str:
+def _key(recipe: Recipe) -> str:
     digest = hashlib.sha256()
-    fields = [compiler.identity, *compiler.command, *flags, *libraries]
-    for name in sorted(files):
-        fields += [name, files[name]]
+    fields = [recipe.compiler.identity, *recipe.compiler.command, *recipe.flags, *recipe.libraries]
+    for name in sorted(recipe.files):
+        fields += [name, recipe.files[name]]
     for field in fields:
         data = field.encode()
         digest.update(len(data).to_bytes(8, "little") + data)
@@ -147,12 +148,9 @@ def _key(files: dict[str, str], compiler: Compiler, flags: tuple[str, ...], libr
 
 def _build(
     entry: Path,
-    files: dict[str, str],
-    compiler: Compiler,
-    flags: tuple[str, ...],
-    libraries: tuple[str, ...],
+    recipe: Recipe,
     loads: bool,
-    patience: float,
+    time_limit: float,
     objects: Mapping[str, Path],
 ) -> BuiltLibrary:
     """Compile and publish an entry. Raises OSError where its folder does not take it."""
@@ -161,7 +159,7 @@ def _build(
         if problem := intruder(work):  # on some network drives nothing belongs to who made it
             raise PermissionError(errno.EACCES, problem)
         start = time.perf_counter()
-        command, log = compilers.make_library(work, files, compiler, flags, libraries, loads, patience, objects)
+        command, log = compilers.make_library(work, recipe, loads, time_limit, objects)
         seconds = time.perf_counter() - start
         record = {"command": command, "seconds": round(seconds, 3), "log": log, "library": _digest(work / LIBRARY)}
         record["objects"] = {source: _digest(path) for source, path in compilers.objects_of(work).items()}
@@ -185,7 +183,8 @@ def _objects(siblings: Sequence[Sibling], compiler: Compiler, libraries: tuple[s
 def _objects_of(sibling: Sibling, compiler: Compiler, libraries: tuple[str, ...]) -> dict[str, Path]:
     """The same of one sibling."""
     flags = compilers.accepted(compiler, (*sibling.flags, *compilers.own_flags()))
-    entries = [folder / _key(sibling.files, compiler, flags, libraries) for folder in folders()]
+    key = _key(Recipe(sibling.files, compiler, flags, libraries))
+    entries = [folder / key for folder in folders()]
     entry, record = next(((entry, record) for entry in entries if (record := _record(entry, True))), (Path(), None))
     known: dict[str, str] = record.get("objects", {}) if record else {}
     objects = {source: path for source, path in compilers.objects_of(entry).items() if source in sibling.sources} if known else {}

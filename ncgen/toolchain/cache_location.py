@@ -29,8 +29,9 @@ import platformdirs
 from ncgen.errors import CompileError
 from ncgen.files import contents, put
 
-CACHED_FOLDERS = ("programs", "references", "facts")
-"""Folders beside the libraries, of what `keep` writes: generated programs (ncgen.mechanism.recall), end positions known well
+CACHED_FOLDERS = ("programs", "interfaces", "references", "facts")
+"""Folders beside the libraries, of what `keep` writes: generated programs (ncgen.mechanism.recall), declarations
+(ncgen.toolchain.interfaces), end positions known well
 (ncgen.comparisons.precision), the examples' degrees of freedom (ncgen.report.gallery)."""
 
 TEMPORARY = "ncgen-building-"
@@ -104,9 +105,9 @@ def _stand_in(folder: Path, problem: str) -> Path:
 
 def make(folder: Path) -> None:
     """Make a folder and those above it, open to read and closed to write whatever the umask is."""
-    missing = [place for place in (folder, *folder.parents) if not place.exists()]
-    for place in reversed(missing):
-        place.mkdir(mode=0o755, exist_ok=True)
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    for path in reversed(missing):
+        path.mkdir(mode=0o755, exist_ok=True)
     if not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
 
@@ -121,19 +122,19 @@ def intruder(path: Path) -> str | None:
     """
     if not hasattr(os, "geteuid"):
         return None  # elsewhere than on POSIX a user's cache folder is closed to others by where it is
-    for place in (path, *path.parents):
+    for parent in (path, *path.parents):
         try:
-            status = os.lstat(place)
+            status = os.lstat(parent)
         except OSError:
             continue  # it is not there yet, or cannot be seen and then not be read either
         # In a folder with the sticky bit others can add files, but not replace those of this user.
-        closed = status.st_mode & stat.S_ISVTX and place is not path
+        closed = status.st_mode & stat.S_ISVTX and parent is not path
         if status.st_uid not in _owners():
-            return f"{place} belongs to another user"
+            return f"{parent} belongs to another user"
         if stat.S_ISLNK(status.st_mode):
-            return f"{place} is a symbolic link"
+            return f"{parent} is a symbolic link"
         if not closed and (status.st_mode & stat.S_IWOTH or status.st_mode & stat.S_IWGRP and not _is_private(status.st_gid)):
-            return f"others may write to {place}"
+            return f"others may write to {parent}"
     return None
 
 

@@ -23,7 +23,7 @@ from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 
-from cffi import FFI
+import _cffi_backend
 
 from ncgen.errors import CompileError
 from ncgen.files import opened
@@ -44,7 +44,7 @@ DISABLED_PASSES = (
 """Passes of -O1 that find nothing in code without dead stores, constants to fold or branches: a fifth of gcc's time, and of 27,492
 instructions of a robot's positions they save 19."""
 
-STRAIGHT_FLAGS = tuple(part for flag in FLAGS for part in (("-O1", *FLAGS_FOR_LONG_CODE, *DISABLED_PASSES) if flag == "-O3" else (flag,)))
+STRAIGHT_FLAGS = tuple(each for flag in FLAGS for each in (("-O1", *FLAGS_FOR_LONG_CODE, *DISABLED_PASSES) if flag == "-O3" else (flag,)))
 """For long straight lines. gcc takes three quarters of the time of -O3 for a humanoid's motion, whose programs run as fast and have as many
 instructions: there are no branches and no common subexpressions that it could find."""
 
@@ -206,33 +206,41 @@ def _machine() -> str:
 # -- compiling -----------------------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class Recipe:
+    """All that decides what a library becomes: sources {file name: text}, the compiler, its flags, and other libraries."""
+
+    files: dict[str, str]
+    compiler: Compiler
+    flags: tuple[str, ...]
+    libraries: tuple[str, ...] = ()
+
+
 def make_library(
     folder: Path,
-    files: dict[str, str],
-    compiler: Compiler,
-    flags: tuple[str, ...],
-    libraries: tuple[str, ...],
+    recipe: Recipe,
     loads: bool = True,
-    patience: float = 0.0,
+    time_limit: float = 0.0,
     objects: Mapping[str, Path] = NO_OBJECTS,
 ) -> tuple[list[str], str]:
     """Write sources into a folder and compile them to LIBRARY there; the command and what the compiler said.
 
     objects: of sources that were compiled before, as `objects_of` finds them
-    loads: whether this process must be able to load what comes out; patience: seconds that it may take at least
+    loads: whether this process must be able to load what comes out; time_limit: seconds that it may take at least
     Raises CompileError with the compiler's log if it fails, OSError where the folder cannot hold what is written.
     """
+    files, compiler, flags = recipe.files, recipe.compiler, recipe.flags
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
-    patience = max(patience, min(MAX_TIME_LIMIT, TIME_LIMIT + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
+    time_limit = max(time_limit, min(MAX_TIME_LIMIT, TIME_LIMIT + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
     groups = _groups({name: len(text) for name, text in files.items() if name.endswith(".c") and name not in objects})
     inputs, log = [name for group in groups for name in group], ""
     if inputs and (len(groups) > 1 or objects) and compiler.makes_every_object:
         apart = [flag for flag in flags if flag != "-shared"]
-        log = _run(compiler, [[*compiler.command, *apart, "-c", *group] for group in groups if group], folder, patience)
+        log = _run(compiler, [[*compiler.command, *apart, "-c", *group] for group in groups if group], folder, time_limit)
         inputs = [str(Path(name).with_suffix(".o")) for name in inputs]
-    command = [*compiler.command, *flags, *inputs, *map(str, objects.values()), "-o", LIBRARY, *libraries]
-    log += _run(compiler, [command], folder, patience)
+    command = [*compiler.command, *flags, *inputs, *map(str, objects.values()), "-o", LIBRARY, *recipe.libraries]
+    log += _run(compiler, [command], folder, time_limit)
     if not (folder / LIBRARY).is_file():
         raise CompileError(f"{compiler.name} reported success and wrote no library; set CC to a C compiler", log)
     if loads and (problem := unloadable(folder / LIBRARY)):
@@ -255,7 +263,7 @@ def _groups(sizes: dict[str, int]) -> list[list[str]]:
     return [sorted(group) for group in groups]
 
 
-def _run(compiler: Compiler, commands: list[list[str]], folder: Path, patience: float) -> str:
+def _run(compiler: Compiler, commands: list[list[str]], folder: Path, time_limit: float) -> str:
     """What a compiler says to some commands at a time in a folder; they and the processes that they start are stopped when time is up."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:  # what a compiler that is stopped leaves behind goes with it
         environment = os.environ | {"TMPDIR": scratch, "LC_ALL": "C"}
@@ -268,9 +276,9 @@ def _run(compiler: Compiler, commands: list[list[str]], folder: Path, patience: 
                         command, cwd=folder, env=environment, start_new_session=True, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE
                     )
                 )
-            logs = [process.communicate(timeout=patience)[1].decode("utf-8", errors="replace") for process in started]
+            logs = [process.communicate(timeout=time_limit)[1].decode("utf-8", errors="replace") for process in started]
         except subprocess.TimeoutExpired:
-            raise CompileError(f"{compiler.name} did not end within {patience:.3g} s and was stopped; set CC to another compiler") from None
+            raise CompileError(f"{compiler.name} was stopped after its limit of {time_limit:.3g} s; set CC to another compiler") from None
         except OSError as error:
             raise CompileError(f"{compiler.name} cannot be run: {error.strerror}; set CC to a C compiler") from error
         finally:
@@ -316,7 +324,7 @@ def unloadable(library: Path) -> str | None:
     """Why this process cannot load a library, in words; None if it can."""
     if _is_cut(library):
         return "it is not whole"
-    ffi = FFI()
+    ffi = _cffi_backend.FFI()
     try:
         ffi.dlclose(ffi.dlopen(str(library)))
     except OSError as error:
@@ -374,7 +382,7 @@ def examine(compiler: Compiler, flags: tuple[str, ...], failure: CompileError) -
 def _fails(compiler: Compiler, flags: tuple[str, ...]) -> bool:
     with tempfile.TemporaryDirectory() as folder:
         try:
-            make_library(Path(folder), PROBE, compiler, ("-fPIC", "-shared", *flags), ())
+            make_library(Path(folder), Recipe(PROBE, compiler, ("-fPIC", "-shared", *flags)))
         except (CompileError, OSError):
             return True
     return False

@@ -44,15 +44,18 @@ class Module(NamedTuple):
         return FOLDER / "generic" / f"{NAMES[self]}.wasm"
 
 
+LINKED_MODEL = ("ncgen_linked_model.h", "ncgen_linked_model.c")
+"""The description of linked kernels."""
+
 GENERIC = Module("ncgen_table_run", ("ncgen_driven.c",), generic_files, ("-O2",))
 LINKED = Module(
     "ncgen_linked",
     ("ncgen_breaks.c", "ncgen_events.c"),
-    lambda: runtime_files(*HEADERS),
+    lambda: runtime_files(*HEADERS, *LINKED_MODEL),
     ("-Os", "-Wl,--export-table", "-Wl,--growable-table", "-Wl,--export=__heap_base"),
 )
 WITHOUT_EVENTS = LINKED._replace(
-    runtime=("ncgen_breaks.c",), others=lambda: runtime_files(*HEADERS, "ncgen_held.h", "ncgen_modes.h", "ncgen_no_events.c")
+    runtime=("ncgen_breaks.c",), others=lambda: runtime_files(*HEADERS, *LINKED_MODEL, "ncgen_held.h", "ncgen_modes.h", "ncgen_no_events.c")
 )
 """For mechanisms without events, which do without a third of the module."""
 
@@ -85,7 +88,7 @@ def digest() -> bytes:
     """What the sources of the files, the compiler and its flags are, in 32 bytes that the files end with."""
     texts = [COMPILER, *FLAGS, *MACROS]
     for module in NAMES:
-        texts += [*module.flags, *(part for pair in sorted(sources(module).items()) for part in pair)]
+        texts += [*module.flags, *(text for pair in sorted(sources(module).items()) for text in pair)]
     return hashlib.sha256("\0".join(texts).encode()).digest()
 
 

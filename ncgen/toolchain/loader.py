@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cffi import FFI
-
 from ncgen.errors import NcgenError
-from ncgen.toolchain.abi import InC, Interface
+from ncgen.toolchain.abi import InC
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS
+from ncgen.toolchain.interfaces import Interface, interface
 
 
 def executed(files: Mapping[str, str]) -> dict[str, Any]:
@@ -22,19 +21,17 @@ def executed(files: Mapping[str, str]) -> dict[str, Any]:
     return namespace
 
 
-def load(files: dict[str, str], declarations: str, base: FFI, flags: tuple[str, ...] = FLAGS) -> tuple[Interface, InC]:
+def load(files: dict[str, str], declarations: str, base: Interface | None, flags: tuple[str, ...] = FLAGS) -> tuple[Interface, InC]:
     """(interface, library) of sources {file name: text}: from the cache, or compiled.
 
-    declarations: what is called, in C; base: the interface that knows the types in them
+    declarations: what is called, in C; base: the interface that knows the types in them, None where all are C's own
     """
     return opened(compiled(files, flags).library, declarations, base)
 
 
-def opened(library: Path, declarations: str, base: FFI) -> tuple[Interface, InC]:
+def opened(library: Path, declarations: str, base: Interface | None) -> tuple[Interface, InC]:
     """(interface, library) of a compiled library. Raises NcgenError where it cannot be loaded."""
-    ffi = FFI()
-    ffi.include(base)
-    ffi.cdef(declarations)
+    ffi = interface(declarations, base)
     return ffi, opened_by(ffi, library)
 
 

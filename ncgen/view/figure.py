@@ -138,24 +138,24 @@ def _draw(axes: Axes, scene: Scene, frame: int, names: bool) -> None:
     view, style = (np.eye(2), FLAT_ARROW) if scene.planar else (screen(), SPATIAL_ARROW)
     points = scene.positions[frame, :, : len(view)]
     shafts = [(arrow, arrow.direction[frame, : len(view)] * scene.arrow_length) for arrow in scene.arrows if names]
-    share = OVER_SOLIDS if scene.has_shapes else 1.0
+    scale = OVER_SOLIDS if scene.has_shapes else 1.0
     arrows = [(arrow, shaft) for arrow, shaft in shafts if np.linalg.norm(shaft) > 1e-6 * scene.size]
-    places = LabelPlaces(view, 0.045 * scene.size)
+    labels = LabelPlaces(view, 0.045 * scene.size)
 
     for start, end in scene.segments:
-        axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.8 * share, zorder=1, gid="segment")
-        places.avoid(points[start], points[end])
+        axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.8 * scale, zorder=1, gid="segment")
+        labels.avoid(points[start], points[end])
     for start, end in () if scene.has_shapes else scene.springs:
         axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.0, linestyle="--", zorder=1, gid="spring")
     for arrow, shaft in arrows:
         axes.quiver(*points[arrow.point], *shaft, color=VECTOR, gid="arrow", **style)
-        places.avoid(points[arrow.point], points[arrow.point] + shaft)
+        labels.avoid(points[arrow.point], points[arrow.point] + shaft)
     for point, fixed in zip(points, scene.fixed, strict=True):
-        axes.plot(*point[:, None], color=LINE, marker="s" if fixed else "o", markersize=4.5 * share, zorder=3, gid="point")
+        axes.plot(*point[:, None], color=LINE, marker="s" if fixed else "o", markersize=4.5 * scale, zorder=3, gid="point")
     for name, point in zip(scene.points, points, strict=True) if names else ():
-        axes.text(*places.next_to(point), s=name, **POINT_LABEL)
+        axes.text(*labels.next_to(point), s=name, **POINT_LABEL)
     for arrow, shaft in arrows:
-        axes.text(*places.next_to(points[arrow.point] + shaft), s=arrow.name, **VECTOR_LABEL)
+        axes.text(*labels.next_to(points[arrow.point] + shaft), s=arrow.name, **VECTOR_LABEL)
 
 
 def _limits(scene: Scene) -> np.ndarray:

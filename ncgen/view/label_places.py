@@ -40,5 +40,5 @@ class LabelPlaces:
         distances = np.linalg.norm((candidates[:, None] - self.taken) * CLEARANCE_WEIGHTS, axis=2)
         return distances.min(axis=1, initial=3 * self.offset)
 
-    def _take(self, places: np.ndarray) -> None:
-        self.taken = np.concatenate([self.taken, places])
+    def _take(self, positions: np.ndarray) -> None:
+        self.taken = np.concatenate([self.taken, positions])

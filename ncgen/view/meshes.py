@@ -137,18 +137,18 @@ def simplified(mesh: Mesh, most: int = MAX_TRIANGLES) -> Mesh:
 
 def _welded(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Vertices at the same place as one; triangles without area in this sense left out."""
-    places, owner = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    positions, owner = np.unique(mesh.vertices, axis=0, return_inverse=True)
     triangles = owner.reshape(-1)[mesh.triangles]
     distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    return places, triangles[distinct]
+    return positions, triangles[distinct]
 
 
 def _cells(vertices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, float]:
     """The cell of every vertex as one number, the lowest corner of the grid, and the cells' width: `count` along the longest side."""
     low = vertices.min(axis=0)
     width = float(np.ptp(vertices, axis=0).max()) / count or 1.0
-    place = np.minimum((vertices - low) // width, count).astype(np.int64)
-    return place @ np.array([1, count + 1, (count + 1) ** 2]), low, width
+    cell = np.minimum((vertices - low) // width, count).astype(np.int64)
+    return cell @ np.array([1, count + 1, (count + 1) ** 2]), low, width
 
 
 def _clustered(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -179,6 +179,6 @@ def _merged(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tuple[np
     held = DAMPED * np.trace(quadric, axis1=1, axis2=2) + 1e-300
     step = np.linalg.solve(quadric + held[:, None, None] * np.eye(3), moment[..., None])[..., 0]
     width = _cells(vertices, count)[2]
-    places = middle + np.clip(step, -width / 2, width / 2)
+    positions = middle + np.clip(step, -width / 2, width / 2)
     used, number = np.unique(kept, return_inverse=True)
-    return places[used], number.reshape(-1, 3)
+    return positions[used], number.reshape(-1, 3)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import NcgenError
-from ncgen.files import output_was, path_of, write_text
+from ncgen.files import argument_was, path_of, write_text
 from ncgen.model.elements import Point
 from ncgen.view.carriers import Carrier, Direction
 from ncgen.view.eye import LIGHT_DIRECTION
@@ -42,20 +42,20 @@ HEIGHT = 560
 class Page:
     """A page of HTML that needs nothing else: a notebook shows it in a frame of its own, `save` writes it into a file.
 
-    text: of the page; what: what it shows
+    text: of the page; title: what it shows
     """
 
-    what: str
+    title: str
     text: str = field(repr=False)
 
     def _repr_html_(self) -> str:
         """The frame; what is in it can run its own scripts, and reaches nothing outside."""
         return (
-            f'<iframe title="{escape(self.what)}" srcdoc="{escape(self.text)}" sandbox="allow-scripts" '
+            f'<iframe title="{escape(self.title)}" srcdoc="{escape(self.text)}" sandbox="allow-scripts" '
             f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
         )
 
-    @output_was("path")
+    @argument_was("path")
     def save(self, output: str | os.PathLike[str]) -> Path:
         """Write the page.
 
@@ -74,10 +74,10 @@ class Page:
         NcgenError
             For a name with another ending, or if the file cannot be written.
         """
-        place = path_of(output)
-        if place.suffix.lower() not in SUFFIXES:
+        path = path_of(output)
+        if path.suffix.lower() not in SUFFIXES:
             raise NcgenError(f"{output}: a page is saved as {' or '.join(SUFFIXES)}; choose a name that ends so")
-        return write_text(place, self.text)
+        return write_text(path, self.text)
 
 
 def drawing(scene: Scene) -> dict:
@@ -126,7 +126,7 @@ def _shapes(scene: Scene) -> dict:
         "bar": number(cylinder(1.0, 0.0, 1.0)) if scene.struts else -1,
         "coil": number(spring()) if scene.has_shapes and scene.springs else -1,
         "carriers": [_carrier(carrier, scene) for carrier in scene.carriers],
-        "reach": [rounded([place for s in scene.surfaces if s.carrier == k for place in s.reach]) for k in carriers],
+        "reach": [rounded([coordinate for s in scene.surfaces if s.carrier == k for coordinate in s.reach]) for k in carriers],
         "meshes": packed,
         "light": rounded(LIGHT_DIRECTION),
     }
@@ -138,7 +138,7 @@ def _carrier(carrier: Carrier, scene: Scene) -> dict:
     def said(direction: Direction) -> int | list:
         if isinstance(direction, str):
             return scene.moving.index(direction)
-        return [scene.points.index(part.name) if isinstance(part, Point) else part for part in direction]
+        return [scene.points.index(number.name) if isinstance(number, Point) else number for number in direction]
 
     origin = -1 if carrier.origin is None else scene.points.index(carrier.origin.name)
     body = -1 if carrier.body is None else carrier.body
@@ -149,8 +149,8 @@ def _packed(mesh: Mesh) -> dict:
     """Vertices as numbers of 16 bits between the lowest and the highest, triangles as such numbers, both in 64 letters."""
     low = mesh.vertices.min(axis=0)
     step = np.ptp(mesh.vertices, axis=0) / MAX_UINT16
-    places = (mesh.vertices - low) / np.where(step > 0, step, 1.0)
-    record = {"vertices": _letters(places), "triangles": _letters(mesh.triangles), "low": rounded(low), "step": rounded(step)}
+    fractions = (mesh.vertices - low) / np.where(step > 0, step, 1.0)
+    record = {"vertices": _letters(fractions), "triangles": _letters(mesh.triangles), "low": rounded(low), "step": rounded(step)}
     return record if mesh.normals is None else record | {"normals": _letters((mesh.normals + 1) / 2 * MAX_UINT16)}
 
 

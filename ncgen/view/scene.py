@@ -148,31 +148,31 @@ def scene_of(model_or_run: Model | Trajectory) -> Scene:
         return _finite(values, model_or_run.name, element, t)
 
     index = {point: i for i, point in enumerate(points)}
-    places = {point: history(point) for point in points}
+    histories = {point: history(point) for point in points}
     return Scene(
         name=model_or_run.name,
         t=t,
         points=tuple(point.name for point in points),
-        positions=np.stack(list(places.values()), axis=1),
+        positions=np.stack(list(histories.values()), axis=1),
         fixed=np.array([point.fixed for point in points]),
         segments=tuple((index[start], index[end]) for start, end in lines(model)),
         springs=tuple((index[start], index[end]) for start, end in springs(model)),
         arrows=tuple(Arrow(index[point], history(vector), vector.name) for point, vector in arrows(model)),
         bodies=tuple((body.name, tuple(index[point] for point in body.points)) for body in bodies_drawn(model)),
-        **_shapes(model, index, places, history, len(t)),
+        **_shapes(model, index, histories, history, len(t)),
     )
 
 
 def _shapes(
-    model: Model, index: Mapping[Point, int], places: Mapping[Point, np.ndarray], history: Callable[[Vector], np.ndarray], count: int
+    model: Model, index: Mapping[Point, int], histories: Mapping[Point, np.ndarray], history: Callable[[Vector], np.ndarray], count: int
 ) -> dict[str, Any]:
     """The part of a scene that is shapes, by the names of its fields."""
     carriers = carriers_of(model)
     needed = {vector: history(vector) for body, carrier in carriers for vector in vectors_of(carrier, body)}
     directions = {vector.name: values for vector, values in needed.items()}
-    start = {point: point.initial[None] for point in places}, {vector.name: vector.initial[None] for vector in needed}
+    start = {point: point.initial[None] for point in histories}, {vector.name: vector.initial[None] for vector in needed}
     begins = [(body, carrier.placed(*start, 1)) for body, carrier in carriers]
-    frames = [carrier.placed(places, directions, count) for _, carrier in carriers]
+    frames = [carrier.placed(histories, directions, count) for _, carrier in carriers]
     return {
         "surfaces": surfaces_of(model, {body: (k, axes[0], origin[0]) for k, (body, (axes, origin)) in enumerate(begins)}),
         "struts": tuple(_struts(model, index)),
@@ -213,8 +213,8 @@ def springs(model: Model) -> list[tuple[Point, Point]]:
     if model.drawing.lines and not model.drawing.has_shapes:
         return []
     struts = {frozenset((strut.start, strut.end)) for strut in model.drawing.struts}
-    places = [place.elements for load in model.springs for place in load.given()[0] if isinstance(place, Combination)]
-    ends = [tuple(element for element in elements if isinstance(element, Point)) for elements in places]
+    combinations = [argument.elements for load in model.springs for argument in load.given()[0] if isinstance(argument, Combination)]
+    ends = [tuple(element for element in elements if isinstance(element, Point)) for elements in combinations]
     return [pair for pair in ends if len(pair) == 2 and frozenset(pair) not in struts]
 
 
@@ -226,8 +226,8 @@ def arrows(model: Model) -> list[tuple[Point, Vector]]:
     if model.drawing.arrows or model.drawing.lines:
         return model.drawing.arrows
     bodies = [body for body in model.bodies.values() if body.points]
-    places = [(body.points[0], vector) for body in bodies for vector in body.vectors if not vector.name.startswith(f"{body.name}.")]
-    return list(dict.fromkeys(places))
+    pairs = [(body.points[0], vector) for body in bodies for vector in body.vectors if not vector.name.startswith(f"{body.name}.")]
+    return list(dict.fromkeys(pairs))
 
 
 def _of_run(run: Trajectory, element: Point | Vector) -> np.ndarray:

@@ -25,11 +25,11 @@ HEAD = 6.0
 def sketch(scene: Scene, frame: int = 0) -> SvgDrawing:
     """One time of a scene; a planar scene without the vectors normal to it."""
     points, tips = _on_screen(scene, frame)
-    places = LabelPlaces(np.eye(2), OFFSET)
+    labels = LabelPlaces(np.eye(2), OFFSET)
     arrows = [(arrow.name, points[arrow.point], tip) for arrow, tip in zip(scene.arrows, tips, strict=True)]
     arrows = [(name, start, tip) for name, start, tip in arrows if np.linalg.norm(tip - start) > 1]
     for start, end in [(points[a], points[b]) for a, b in scene.segments] + [arrow[1:] for arrow in arrows]:
-        places.avoid(start, end)
+        labels.avoid(start, end)
     lines = "".join(path(points[list(pair)]) for pair in scene.segments)
     springs = "".join(path(points[list(pair)]) for pair in scene.springs)
     parts = [
@@ -42,7 +42,7 @@ def sketch(scene: Scene, frame: int = 0) -> SvgDrawing:
         named = [(name, point, "currentColor") for name, point in zip(scene.points, points, strict=True)]
         named += [(name, tip, RED) for name, _, tip in arrows]
         for name, point, colour in named:
-            x, y = places.next_to(point)
+            x, y = labels.next_to(point)
             parts.append(text(x, y + 4, name, colour=colour))
     return SvgDrawing(f"<g {TEXT}>{''.join(parts)}</g>", WIDTH, HEIGHT, f"{scene.name} at t = {scene.t[frame]:.4g} s")
 
@@ -50,14 +50,14 @@ def sketch(scene: Scene, frame: int = 0) -> SvgDrawing:
 def _on_screen(scene: Scene, frame: int) -> tuple[np.ndarray, np.ndarray]:
     """Points (P, 2) and tips of arrows (A, 2) in px, all of them within the picture."""
     projection = np.eye(3)[:, :2] if scene.planar else screen()
-    places = scene.positions[frame]
-    tips = [places[a.point] + scene.arrow_length * a.direction[frame] for a in scene.arrows]
-    flat = np.array([*places, *tips]) @ projection
+    positions = scene.positions[frame]
+    tips = [positions[a.point] + scene.arrow_length * a.direction[frame] for a in scene.arrows]
+    flat = np.array([*positions, *tips]) @ projection
     low, high = flat.min(axis=0), flat.max(axis=0)
     room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
     scale = min(room / np.maximum(high - low, 1e-3 * scene.size))
     shown = ((flat - (low + high) / 2) * scale * [1, -1]) + np.array([WIDTH, HEIGHT]) / 2
-    return shown[: len(places)], shown[len(places) :]
+    return shown[: len(positions)], shown[len(positions) :]
 
 
 def _arrow(start: np.ndarray, tip: np.ndarray) -> str:

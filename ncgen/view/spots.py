@@ -19,10 +19,10 @@ MAX_CELLS = 100
 def spots(pattern: Pattern, label: str, marked: Collection[int] = ()) -> SvgDrawing:
     """A pattern, a square a number; marked: rows in red."""
     rows, columns = pattern.shape
-    share = max(1, -(-max(rows, columns) // MAX_CELLS))
-    place = np.repeat(np.arange(rows), np.diff(pattern.indptr)), np.array(pattern.indices, dtype=int)
-    cells = {(row // share, column // share): row in marked for row, column in zip(*(p.tolist() for p in place))}
-    height, width = -(-rows // share), -(-columns // share)
+    block = max(1, -(-max(rows, columns) // MAX_CELLS))
+    indices = np.repeat(np.arange(rows), np.diff(pattern.indptr)), np.array(pattern.indices, dtype=int)
+    cells = {(row // block, column // block): row in marked for row, column in zip(*(p.tolist() for p in indices))}
+    height, width = -(-rows // block), -(-columns // block)
     size = MAX_SIDE / max(height, width, 10)
     paths = []
     for colour, chosen in (("currentColor", False), (RED, True)):

@@ -50,14 +50,14 @@ def _meshes(scene: Scene, frame: int) -> Iterator[tuple[Mesh, str | int]]:
     """All shapes in the global frame."""
     for surface in scene.surfaces:
         yield surface.placed.moved(scene.axes[frame, surface.carrier], scene.origins[frame, surface.carrier]), surface.colour
-    places = scene.positions[frame]
+    positions = scene.positions[frame]
     for strut in scene.struts:
-        start, end = places[strut.start], places[strut.end]
+        start, end = positions[strut.start], positions[strut.end]
         yield _between(cylinder(1, 0, 1), start, end, strut.radius, strut.length), strut.colour
         if strut.length is not None:
             yield _between(cylinder(1, 0, 1), start, end, ROD * strut.radius), strut.colour
     for a, b in scene.springs:
-        yield _between(spring(), places[a], places[b], COIL * scene.size), STEEL
+        yield _between(spring(), positions[a], positions[b], COIL * scene.size), STEEL
 
 
 def _between(mesh: Mesh, start: np.ndarray, end: np.ndarray, radius: float, length: float | None = None) -> Mesh:

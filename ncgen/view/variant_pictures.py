@@ -39,8 +39,8 @@ def picture(title: str, varied: Columns, kept: Columns, times: np.ndarray, shape
     if shape is not None and len(shape) == 2 and min(shape) > 1:
         return _panels(title, single, lambda axes, name, values: _map(axes, name, values.reshape(shape), varied, shape))
     if len(varied) == 1:
-        ((what, numbers),) = varied.items()
-        return _panels(title, single, lambda axes, name, values: _scatter(axes, name, values, what, numbers))
+        ((varied_name, numbers),) = varied.items()
+        return _panels(title, single, lambda axes, name, values: _scatter(axes, name, values, varied_name, numbers))
     return _parallel(title, varied, single)
 
 
@@ -67,15 +67,15 @@ def _envelope(axes: Axes, name: str, values: np.ndarray, times: np.ndarray) -> N
 
 
 def _map(axes: Axes, name: str, values: np.ndarray, varied: Columns, shape: tuple[int, ...]) -> None:
-    (below, x), (vertical, y) = ((what, numbers.reshape(shape)) for what, numbers in varied.items())
+    (below, x), (vertical, y) = ((varied_name, numbers.reshape(shape)) for varied_name, numbers in varied.items())
     mesh = axes.pcolormesh(x[:, 0], y[0], np.ma.masked_invalid(values.T), cmap=COLOURS, shading="nearest")
     axes.set(xlabel=below, ylabel=vertical, facecolor="#eeeeee")
     axes.figure.colorbar(mesh, ax=axes, label=name, use_gridspec=False)
 
 
-def _scatter(axes: Axes, name: str, values: np.ndarray, what: str, numbers: np.ndarray) -> None:
+def _scatter(axes: Axes, name: str, values: np.ndarray, varied_name: str, numbers: np.ndarray) -> None:
     axes.plot(numbers, values, linestyle="", marker=".", markersize=3, color=BAND, gid="variants")
-    axes.set(xlabel=what, ylabel=name)
+    axes.set(xlabel=varied_name, ylabel=name)
     axes.grid(**GRID)
 
 

@@ -252,7 +252,7 @@ def by_gradient(pulses: Sequence[Pulse], rtol: float) -> Iterator[End]:
         given = {"p": pulse.parameters, "zd0": {"x": pulse.speed}, "inputs": pulse.inputs or None}
         steps, tolerance = (1, {"rtol": rtol}) if pulse.speed else (100, {})
         found = ncgen.gradient(kernels, DURATION, steps, end, integrator="dop853", **tolerance, **given)
-        assert all(map(math.isfinite, found.slopes.values()))
+        assert all(map(math.isfinite, found.derivatives.values()))
         yield ends[0], ends[1]
 
 

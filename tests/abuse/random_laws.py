@@ -357,8 +357,8 @@ class Driven(Subject):
             found = self.attempt("gradient", ncgen.gradient, self.used, DURATION, how[0], objective, *how[1:], **self.given)
             if found is None:
                 continue
-            if not all(map(math.isfinite, found.slopes.values())):
-                self.find("gradient", f"slopes that are no numbers: {found.slopes}")
+            if not all(map(math.isfinite, found.derivatives.values())):
+                self.find("gradient", f"slopes that are no numbers: {found.derivatives}")
             self.ends(f"gradient by {how[1]}", first, *ends, agree=LOOSE if how[1] == "rk4" else AGREE)
 
     def by_gradients_of_rows(self, first) -> None:
@@ -379,7 +379,7 @@ class Driven(Subject):
         found = self.attempt("gradient of rows", ncgen.gradient, self.used, DURATION, EQUAL_STEPS, objective, **given)
         if found is None or not found.ok.all():
             return
-        if not np.all(np.isfinite(found.slopes)):
+        if not np.all(np.isfinite(found.derivatives)):
             self.find("gradient of rows", "slopes that are no numbers")
         for q, qd in ends:
             self.ends("gradient of rows", first, q, qd, agree=LOOSE)

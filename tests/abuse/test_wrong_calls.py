@@ -68,7 +68,7 @@ def test_wrong_calls_end_in_one_line(group):
         (lambda k: ncgen.start(k).step(10**400), "^h is a number of 401 digits; it must be a finite number$"),
         (lambda k: ncgen.start(k).step(1e-3, tau=10**400), "^step: tau is a number of 401 digits; it must be a finite number$"),
         (lambda k: ncgen.start(k, 2).drive(tau=np.array([1j, 0])), "^step: tau is .*; it must be a number, or 2 of them$"),
-        (lambda k: ncgen.joint_space(k).inverse_kinematics("C", [0, 0, 1e300]), "^place: 1e[+]300 m given"),
+        (lambda k: ncgen.joint_space(k).inverse_kinematics("C", [0, 0, 1e300]), "^position: 1e[+]300 m given"),
     ],
 )  # fmt: skip
 def test_what_was_taken_or_came_raw(call, said, kernels):

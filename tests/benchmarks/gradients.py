@@ -103,7 +103,7 @@ class _Case:
         given = {name: options[name] for name in ("q0", "zd0", "z") if name in options}
         duration, many = float(options["duration"]), np.tile(kernels.p0, (TOGETHER, 1))
         found = ncgen.gradient(kernels, duration, STEPS, lambda q, qd: (0.0, *weights), p=many, threads=1, **given)
-        return found.slopes[-1, : len(kernels.p0)]
+        return found.derivatives[-1, : len(kernels.p0)]
 
     def in_casadi(self) -> dict[str, Callable[[], np.ndarray]]:
         """The same motion and its gradient by CasADi, from the start that the motion has and that moves with the data as it does; nothing

@@ -84,7 +84,9 @@ class _Many:
         of_rates = slice(count + len(self.z), None)
 
         def own() -> np.ndarray:
-            found = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (0.0, self.by_q, self.by_qd), zd0=self.rates, z=self.z).slopes
+            found = ncgen.gradient(
+                kernels, DURATION, STEPS, lambda q, qd: (0.0, self.by_q, self.by_qd), zd0=self.rates, z=self.z
+            ).derivatives
             return np.hstack([found[:, :count], found[:, of_rates]])
 
         calls: Calls = {"ncgen": own}

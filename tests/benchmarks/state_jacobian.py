@@ -69,7 +69,8 @@ class StateJacobian:
         for name, slope in (("finite differences, 2 points", forward), ("finite differences, 3 points", central)):
             ways[name] = lambda slope=slope: jacobian(slope, self.derivative, self.y)
         return [
-            Rival(name=name, runs={"state": repeated(way)}, values=lambda _, way=way: way(), place="Python") for name, way in ways.items()
+            Rival(name=name, runs={"state": repeated(way)}, values=lambda _, way=way: way(), language="Python")
+            for name, way in ways.items()
         ]
 
     def exact(self) -> np.ndarray:

@@ -15,9 +15,11 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent.parent
 GENERATED = ROOT / "generated"
 
-INSPECT_KEYS = {"name", "coordinates", "free", "rows", "rank", "dof", "redundant", "omitted", "initial", "kernels"}
+INSPECT_KEYS = {
+    "name", "coordinates", "free_coordinates", "constraints", "rank", "dof", "redundant", "simplified", "initial_angles", "kernels",
+}  # fmt: skip
 RUN_KEYS = {
-    "name", "dof", "time", "final", "final_velocity", "violation", "energy_drift", "steps", "wall_seconds",
+    "name", "dof", "duration", "final_position", "final_velocity", "constraint_violation", "energy_drift", "steps", "wall_seconds",
     "preparation_seconds", "backend", "outputs",
 }  # fmt: skip
 ARTEFACTS = {"trajectory.npz", "trajectory.csv", "drawing.svg", "motion.svg", "animation.html"}
@@ -41,7 +43,7 @@ def test_list(ncgen_main):
     assert said.code == 0 and said.err == ""
     records = {record["name"]: record for record in json.loads(said.out)}
     assert {"robot", "fourbar", "pendulum"} <= set(records)
-    assert (records["robot"]["coordinates"], records["robot"]["rows"]) == (45, 31)
+    assert (records["robot"]["coordinates"], records["robot"]["constraints"]) == (45, 31)
     assert all(record["teaches"] for record in records.values())
 
 
@@ -60,34 +62,34 @@ def test_inspect_the_robot(ncgen_main, written):
     assert said.code == 0 and said.err == "" and written() == set()
     facts = json.loads(said.out)
     assert set(facts) >= INSPECT_KEYS
-    assert {key: facts[key] for key in ("name", "coordinates", "free", "rows", "rank", "dof", "singular")} == {
-        "name": "robot", "coordinates": 45, "free": 36, "rows": 31, "rank": 30, "dof": 6, "singular": False,
+    assert {key: facts[key] for key in ("name", "coordinates", "free_coordinates", "constraints", "rank", "dof", "singular")} == {
+        "name": "robot", "coordinates": 45, "free_coordinates": 36, "constraints": 31, "rank": 30, "dof": 6, "singular": False,
     }  # fmt: skip
     (redundant,) = facts["redundant"]
-    assert (redundant["row"], sorted(redundant["implied_by"])) == (16, [6, 10, 12])
+    assert (redundant["constraint"], sorted(redundant["implied_by"])) == (16, [6, 10, 12])
     assert redundant["owner"] == "body5"
-    degrees = {name: math.degrees(value) for name, value in facts["initial"].items()}
+    degrees = {name: math.degrees(value) for name, value in facts["initial_angles"].items()}
     expected = {"psi1": -90, "psi2": 0, "psi3": 76.7007, "psi4": 0, "psi5": -150.0015, "psi6": -90}
     assert degrees == pytest.approx(expected, abs=1e-4)
     kernels = facts["kernels"]
     assert {"phi", "phi_q", "gamma", "mass", "force"} <= set(kernels)
     assert (kernels["phi"]["nonzeros"], kernels["gamma"]["nonzeros"], kernels["force"]["nonzeros"]) == (31, 31, 36)
     assert all(record["operations"] > 0 for record in kernels.values())
-    assert [(link["body"], link["on"], link["dof"]) for link in facts["tree"][:3]] == [
+    assert [(link["body"], link["parent"], link["dof"]) for link in facts["tree"][:3]] == [
         ("body2", "ground", 1), ("body3", "body2", 1), ("body4", "body2", 1),
     ]  # fmt: skip
     counts = facts["derivative"]
-    assert counts["taken"] == "composite" and 0 < counts["closing"] < counts["composite"] < 0.7 * counts["all coordinates"]
+    assert counts["chosen"] == "composite" and 0 < counts["positions"] < counts["composite"] < 0.7 * counts["all coordinates"]
     motion = facts["motion"]
-    assert 0 < motion["closing"] < motion["velocities"] < motion["derivative"] < 0.8 * counts["all coordinates"]
+    assert 0 < motion["positions"] < motion["velocities"] < motion["derivative"] < 0.8 * counts["all coordinates"]
 
 
 def test_inspect_for_people(ncgen_main):
     """Every row by number, the redundancy in words, degrees instead of radians."""
     said = ncgen_main("inspect", "robot", "--backend", "numpy")
     assert said.code == 0
-    assert "45 coordinates, 36 free · 31 rows, rank 30 · 6 degrees of freedom" in said.out
-    assert "redundant: row 16 (angle u3, r4-r5, body5)" in said.out
+    assert "45 coordinates, 36 free · 31 constraints, rank 30 · 6 degrees of freedom" in said.out
+    assert "redundant: constraint 16 (angle u3, r4-r5, body5)" in said.out
     assert "psi3 76.7007" in said.out
     assert [line.split()[0] for line in said.out.splitlines()[:31]] == [str(i) for i in range(1, 32)]
 
@@ -109,12 +111,12 @@ def test_run_the_robot_from_anywhere(tmp_path):
     assert done.stderr == ""
     record = json.loads(done.stdout)
     assert set(record) >= RUN_KEYS
-    assert (record["name"], record["dof"], record["time"], record["backend"]) == ("robot", 6, 0.5, "c")
+    assert (record["name"], record["dof"], record["duration"], record["backend"]) == ("robot", 6, 0.5, "c")
     published = {"psi2": 0.26154171434234150, "psi3": 0.30810884512921474, "psi5": -3.4044318734841151}
-    assert {name: record["final"][name] for name in published} == pytest.approx(published, abs=1e-6)
+    assert {name: record["final_position"][name] for name in published} == pytest.approx(published, abs=1e-6)
     assert record["final_velocity"]["psi2"] == pytest.approx(1.4083669901829394, abs=1e-5)
-    assert set(record["final"]) == set(record["final_velocity"]) == {f"psi{i}" for i in range(1, 7)}
-    assert record["violation"] < 1e-11 and record["energy_drift"] < 1e-7
+    assert set(record["final_position"]) == set(record["final_velocity"]) == {f"psi{i}" for i in range(1, 7)}
+    assert record["constraint_violation"] < 1e-11 and record["energy_drift"] < 1e-7
     assert record["steps"] > 0 and record["wall_seconds"] > 0
     assert set(record["outputs"]) == ARTEFACTS | sources("robot")
     found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
@@ -132,7 +134,7 @@ def test_run_a_file_of_ones_own(ncgen_main, mine, written):
     )  # fmt: skip
     assert said.code == 0 and said.err == ""
     record = json.loads(said.out)
-    assert (record["name"], record["dof"], record["time"]) == ("mine", 1, 0.2)
+    assert (record["name"], record["dof"], record["duration"]) == ("mine", 1, 0.2)
     assert (record["backend"], record["integrator"]) == ("numpy", "adams")
     assert set(record["outputs"]) == ARTEFACTS | sources("mine")
     assert written() == {"mine.py"} | {f"out/here/{name}" for name in record["outputs"]}
@@ -152,7 +154,7 @@ def test_run_for_people(ncgen_main, mine):
     """The mechanism, the kernels with their times, the motion's end and the files, on standard output alone."""
     said = ncgen_main("run", "mine.py")
     assert said.code == 0 and said.err == ""
-    expected = ["2 free · 1 row,", "1 degree of freedom\n", "ns per call (c)", "B.y", "constraint error", "written to mine-output:"]
+    expected = ["2 free · 1 constraint,", "1 degree of freedom\n", "ns per call (c)", "B.y", "constraint error", "written to mine-output:"]
     assert [words for words in expected if words not in said.out] == []
 
 

@@ -21,11 +21,11 @@ def start(ncgen_main, folder):
 
 def test_it_is_accepted_and_runs(ncgen_main, start):
     said = ncgen_main("check", start.name)
-    assert (said.code, said.err) == (0, "") and said.out == "mechanism.toml: 19 coordinates, 4 rows, 3 bodies\n"
+    assert (said.code, said.err) == (0, "") and said.out == "mechanism.toml: 19 coordinates, 4 constraints, 3 bodies\n"
     said = ncgen_main("run", start.name, "--no-files", "--json", "--backend", "numpy", "--param", "load=3", "--stop", "psi=1.5,rising")
     record = json.loads(said.out)
     assert said.code == 0 and record["dof"] == 1 and record["stopped"]
-    assert record["final"]["psi"] == pytest.approx(1.5, abs=1e-9) and record["energy_drift"] < 1e-6
+    assert record["final_position"]["psi"] == pytest.approx(1.5, abs=1e-9) and record["energy_drift"] < 1e-6
 
 
 def test_the_motor_in_its_comments(ncgen_main, start):

@@ -46,7 +46,7 @@ def swing(folder):
 def end(ncgen_main, *arguments) -> float:
     said = ncgen_main("run", *arguments, "--no-files", "--json")
     assert said.code == 0, said.err
-    return json.loads(said.out)["final"]["B.x"]
+    return json.loads(said.out)["final_position"]["B.x"]
 
 
 def swung(k: float, t: float = 0.1) -> float:
@@ -71,16 +71,16 @@ def test_methods(ncgen_main, swing):
     record = json.loads(ncgen_main("run", swing(), "--no-files", "--json", *methods).out)
     assert (record["formalism"], record["integrator"]) == ("null-space", "rk4")
     assert record["steps"] in (10, 11)  # the sum of ten steps may end an ulp before the run does
-    assert record["engine"].startswith("python") and record["final"]["B.x"] == pytest.approx(swung(100), abs=1e-4)
+    assert record["engine"].startswith("python") and record["final_position"]["B.x"] == pytest.approx(swung(100), abs=1e-4)
 
 
 def test_an_end(ncgen_main, swing):
     """A velocity's zero from below is half a period on; from above there is none before."""
     arguments = ("run", swing(), "--no-files", "--json", "--duration", "1", "--stop")
     record = json.loads(ncgen_main(*arguments, "rate(B.x)=0,rising").out)
-    assert record["stopped"] and record["time"] == pytest.approx(0.31415926535, abs=1e-7)
+    assert record["stopped"] and record["duration"] == pytest.approx(0.31415926535, abs=1e-7)
     assert not json.loads(ncgen_main(*arguments, "B.x=5").out)["stopped"]
-    assert "ended there" in ncgen_main("run", swing(), "--no-files", "--stop", "B.x=0.9").out
+    assert "ended by its stop" in ncgen_main("run", swing(), "--no-files", "--stop", "B.x=0.9").out
 
 
 OPTION = {"p": "param", "zd0": "velocity", "stop": "stop"}
@@ -251,12 +251,12 @@ def test_stops_and_friction_of_a_robot(ncgen_main, folder):
     Path("bar.urdf").write_text(STOPPED, encoding="utf-8")
     left_out = json.loads(ncgen_main("inspect", "bar.urdf", "--with", "limits", "--json").out)["left_out"]
     assert left_out == [
-        {"what": what, "count": 1, "changes_motion": changes}
+        {"feature": what, "count": 1, "changes_motion": changes}
         for what, changes in (("friction of joints", True), ("effort limits", False), ("velocity limits", True))
     ]
     both = "--with", "limits", "--with", "friction"
     said = ncgen_main("run", "bar.urdf", *both, "--duration", "3", "--rtol", "1e-6", "--no-files", "--json")
-    assert json.loads(said.out)["final"]["hinge"] == pytest.approx(-0.4, abs=2e-3)
+    assert json.loads(said.out)["final_position"]["hinge"] == pytest.approx(-0.4, abs=2e-3)
     refused = ncgen_main("convert", "bar.urdf", "--with", "limit")
     said = "ncgen: --with limit: a robot can have limits, friction, motors, sensors, rigid-limits, exact-friction"
     assert refused.code == 2 and refused.err.strip() == said

@@ -102,7 +102,7 @@ def test_a_motion_of_another_model(ncgen_main, recorded, mine):
     """The same coordinates are not enough: with another row it is another mechanism."""
     refused(ncgen_main("inspect", "fourbar", "--along", recorded), "a trajectory of other coordinates than those of fourbar")
     mine.write_text(mine.read_text().replace("m.distance(A, B)", 'm.constrain(B.x.symbol**2 + B.y.symbol**2 - 1, "circle")'))
-    refused(ncgen_main("inspect", mine, "--along", recorded), "a trajectory of other rows than those of mine")
+    refused(ncgen_main("inspect", mine, "--along", recorded), "a trajectory of other constraints than those of mine")
     refused(ncgen_main("inspect", "pendulum", "--along", "nosuch.npz"), "nosuch.npz: it cannot be read: No such file or directory")
 
 
@@ -162,7 +162,7 @@ def test_a_terminal_without_greek_letters(ncgen_main, monkeypatch):
     monkeypatch.setattr(sys, "stdout", plain)
     assert ncgen_main("inspect", "pendulum", "--backend", "numpy").code == 0
     text = plain.buffer.getvalue().decode("ascii")
-    assert "6 coordinates, 2 free \\xb7 1 row, rank 1" in text
+    assert "6 coordinates, 2 free \\xb7 1 constraint, rank 1" in text
 
 
 # -- functions of the user's own ----------------------------------------------------------------

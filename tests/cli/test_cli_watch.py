@@ -82,22 +82,22 @@ def test_a_run_ends_where_the_file_is_saved(tmp_path):
 
 
 def record(**other) -> dict:
-    ends = {"final": {"psi": 1.5}, "final_velocity": {"psi": 0.0}, "time": 2.0, "wall_seconds": 0.01}
-    counts = {"name": "m", "dof": 1, "rows": 4, "redundant": 0, "bodies": 3}
-    return counts | ends | {"energy_drift": 1e-9, "violation": 1e-12, "integrator": "i", "formalism": "f"} | other
+    ends = {"final_position": {"psi": 1.5}, "final_velocity": {"psi": 0.0}, "duration": 2.0, "wall_seconds": 0.01}
+    counts = {"name": "m", "dof": 1, "constraints": 4, "redundant": 0, "bodies": 3}
+    return counts | ends | {"energy_drift": 1e-9, "constraint_violation": 1e-12, "integrator": "i", "formalism": "f"} | other
 
 
 def test_differences():
     assert differences(record(), record(wall_seconds=9.0, energy_drift=2e-9)) == []
-    assert differences(record(), record(rows=5, time=3.0)) == ["rows 4 → 5", "seconds 2 → 3"]
-    assert differences(record(), record(final={"psi": 1.75})) == ["psi 1.5 → 1.75"]
-    assert differences(record(), record(name="n", final={"s": 1.5})) == ["name m → n", "psi 1.5 → none", "s none → 1.5"]
+    assert differences(record(), record(constraints=5, duration=3.0)) == ["constraints 4 → 5", "seconds 2 → 3"]
+    assert differences(record(), record(final_position={"psi": 1.75})) == ["psi 1.5 → 1.75"]
+    assert differences(record(), record(name="n", final_position={"s": 1.5})) == ["name m → n", "psi 1.5 → none", "s none → 1.5"]
 
 
 def test_what_is_told_stays_short():
     """Six numbers of many, six problems of many."""
     many = {f"q{k}": float(k) for k in range(40)}
-    lines = summary_of(Round((), record(final=many, final_velocity=many)), Round((), record()))
+    lines = summary_of(Round((), record(final_position=many, final_velocity=many)), Round((), record()))
     assert len(lines) == 4 and "q5 5 and 74 more" in lines[1]
     assert summary_of(Round(tuple(f"problem {k}" for k in range(40))), None)[-1] == "and 34 more; `ncgen check` lists all"
 
@@ -116,7 +116,7 @@ def test_blocks(tmp_path, monkeypatch):
         yield False
 
     first, wrong, other, gone = _blocks(path, script())
-    assert first[0] == "mine: 1 degree of freedom, 4 rows, 0 redundant, 3 bodies" and len(first) == 3
+    assert first[0] == "mine: 1 degree of freedom, 4 constraints, 0 redundant, 3 bodies" and len(first) == 3
     line = text.splitlines().index('end = "B - A"') + 1
     assert wrong == [f"mine.toml, line {line}: angle.end: “B - Q”: there is no point or vector Q; define it first"]
     assert other[-1].startswith("different: seconds 0.01 → 0.02, psi 0.1") and len(other) == 4

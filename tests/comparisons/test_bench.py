@@ -63,10 +63,10 @@ def test_the_state_derivative(robot):
 def test_batches(robot):
     """Each state has in the batch what it has alone."""
     records = list(batches.batch_records(robot))
-    assert {r["what"] for r in records} == {"phi", "phi_q", "gamma", "constraints", "mass", "derivative", "simulation"}
+    assert {r["quantity"] for r in records} == {"phi", "phi_q", "gamma", "constraints", "mass", "derivative", "simulation"}
     assert {"one at a time in C", "batch, threads: 1"} <= {r["tool"] for r in records}
     assert all(r["error"] < 1e-11 for r in records if r["tool"].startswith("batch"))
-    assert {r["what"]: r["tool"] for r in records if r.get("chosen")} == {
+    assert {r["quantity"]: r["tool"] for r in records if r.get("chosen")} == {
         "phi": "batch in lanes", "phi_q": "batch, one after the other", "gamma": "batch in lanes", "constraints": "batch in lanes",
         "mass": "batch, one after the other",
     }  # fmt: skip

@@ -65,7 +65,7 @@ def record(name, error, seconds):
         "number": "double",
         "setting": "",
         "noisy": False,
-        "doubt": 1e-7,
+        "reference_error": 1e-7,
     }
     return plain | {"method": name, "error": error, "seconds": seconds}
 

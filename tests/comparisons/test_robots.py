@@ -17,8 +17,8 @@ def test_a_file_is_measured_and_a_broken_one_is_refused_in_a_line(tmp_path):
     (tmp_path / "broken.urdf").write_text(BROKEN)
     records = list(robots.robot_records([FILES / "crane.urdf", tmp_path / "broken.urdf"]))
     crane, broken = records
-    assert crane["reason"] is None and crane["freedom"] >= 3 and crane["duration"] == 1.0
-    assert 0 < crane["each"] < crane["cached"] <= 3 * crane["cold"]
+    assert crane["reason"] is None and crane["dof"] >= 3 and crane["duration"] == 1.0
+    assert 0 < crane["evaluation"] < crane["cached"] <= 3 * crane["cold"]
     assert crane["evaluations"] > 20 and crane["error"] < 1e-3 and crane["drift"] < 1e-3 and crane["fallbacks"] == 0
     assert "broken.urdf" in broken["reason"] and "\n" not in broken["reason"] and broken["cold"] is None
     assert "crane.urdf" in robots.robot_line(crane) and broken["reason"] in robots.robot_line(broken)

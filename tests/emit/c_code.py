@@ -15,8 +15,6 @@ WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotio
 C99 = ("-std=c99", *WARNINGS)
 CPP98 = ("-std=c++98", *WARNINGS)
 
-POSITION_KERNELS = ("phi", "phi_q", "nu", "mass")
-VELOCITY_KERNELS = ("gamma", "force", "energy", "constraints")
 
 # C99 and C++98 alike: prints what the descriptor holds, and calls every kernel at MOVE steps from the initial position.
 CONSUMER = r"""
@@ -57,6 +55,7 @@ int main(void)
     if (m->mass) bad |= show("mass", m->mass(t, q, p, out), m->mass_pattern.indptr[m->n_coordinates]);
     if (m->force) bad |= show("force", m->force(t, q, qd, p, out), m->n_coordinates);
     if (m->energy) bad |= show("energy", m->energy(t, q, qd, p, out), 3);
+    if (m->power) bad |= show("power", m->power(t, q, qd, p, out), 1);
     if (m->constraints)
         bad |= show("constraints", m->constraints(t, q, qd, p, out), 2 * m->n_rows + m->phi_q_pattern.indptr[m->n_rows]);
     return bad;

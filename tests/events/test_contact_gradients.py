@@ -39,7 +39,7 @@ def test_a_sphere_slides_and_rolls():
 
     place = kernels.index["C.x"]
     mine = np.vstack([found.events[-1].t_by, found.q_by[-1, place], found.qd_by[-1, place]])
-    assert found.events[-1].what == "sticks"
+    assert found.events[-1].transition == "sticks"
     assert mine == pytest.approx(slopes_of(end, [0.2, G, 5.0]), rel=1e-9, abs=1e-9)
     check_sweep(kernels, 1.0, 10, found, by, **given)
 
@@ -178,7 +178,7 @@ def test_a_sphere_in_space_slides_and_rolls():
         return np.concatenate([[t], v * t - mu * G * w / size * t**2 / 2 + rolls * (1.5 - t), rolls])
 
     places, sticks = [kernels.index["C.x"], kernels.index["C.y"]], found.events[-1]
-    assert sticks.what == "sticks"
+    assert sticks.transition == "sticks"
     mine = np.vstack([sticks.t_by, found.q_by[-1][places], found.qd_by[-1][places]])
     assert mine == pytest.approx(slopes_of(end, [0.2, 3.0, 1.0]), rel=1e-9, abs=1e-9)
     check_sweep(kernels, 1.5, 15, found, by, qd0=start, **GIVEN)
@@ -209,8 +209,8 @@ def test_a_block_in_a_guide():
         place = 1 + v**2 / most + (p * (27 - goes**3) / 6 - p * goes**2 / 2 * (3 - goes) - most * (3 - goes) ** 2 / 2) / 2
         return np.array([stops, goes, place])
 
-    place, (sticks, slips) = kernels.index["s"], [each for each in found.events if each.what]
-    assert [sticks.what, slips.what] == ["sticks", "slips"]
+    place, (sticks, slips) = kernels.index["s"], [each for each in found.events if each.transition]
+    assert [sticks.transition, slips.transition] == ["sticks", "slips"]
     mine = np.vstack([sticks.t_by, slips.t_by, found.q_by[-1, place]])
     assert mine == pytest.approx(slopes_of(end, [0.5, -4.0, 1.0, 1.0]), rel=1e-9, abs=1e-9)
     check_sweep(kernels, 3.0, 30, found, by, **given)
@@ -245,7 +245,7 @@ def test_a_screw_that_begins_to_lift():
         return np.array([t, couple * (0.5 - t) ** 3 / (6 * inertia)])
 
     mine = np.vstack([found.events[-1].t_by, found.q_by[-1, kernels.index["turn"]]])
-    assert found.events[-1].what == "slips"
+    assert found.events[-1].transition == "slips"
     assert mine == pytest.approx(slopes_of(end, [0.1, 1.0]), rel=1e-8, abs=1e-8)
     check_sweep(kernels, 0.5, 10, found, by, **GIVEN)
 
@@ -285,7 +285,7 @@ def test_a_woodpecker():
     model, velocities = woodpecker()
     kernels, by = ncgen.compile(model), ["rate(y.x)", "rate(b.x)"]
     found = ncgen.sensitivities(kernels, 0.125, 20, by=by, qd0=velocities, **GIVEN)
-    assert len(found.events) == 12 and {each.what for each in found.events} == {"", "rests", "sticks", "slips", "leaves"}
+    assert len(found.events) == 12 and {each.transition for each in found.events} == {"", "rests", "sticks", "slips", "leaves"}
     start = {name: velocities[name] for name in ("y.x", "a.x", "b.x")}
 
     def everything(values):
@@ -319,6 +319,6 @@ def test_a_point_that_slides_sticks_and_is_pushed_on():
 
     for given in ({}, GIVEN):
         found = ncgen.sensitivities(kernels, 2.0, 20, by=by, qd0={"P.x": 1.0, "P.y": 0.0}, **given)
-        sticks, slips = (next(each for each in found.events if each.what == what) for what in ("sticks", "slips"))
+        sticks, slips = (next(each for each in found.events if each.transition == what) for what in ("sticks", "slips"))
         mine = np.vstack([sticks.t_by, slips.t_by, found.q_by[-1, kernels.index["P.x"]]])
         assert mine == pytest.approx(slopes_of(end, [0.2, 1.5, 1.0]), rel=1e-9, abs=1e-9)

@@ -42,7 +42,7 @@ def test_a_block_lands_on_two_tips_and_stops():
     run = ncgen.simulate(ncgen.compile(block(order="simultaneous")), 1.0, qd0=start, rtol=1e-11)
     fall = math.sqrt(2 * 0.5 / G)
     left = 1.0 - 0.3 * G * fall
-    hits, stops = [each for each in run.events if not each.what], [each for each in run.events if each.what == "sticks"]
+    hits, stops = [each for each in run.events if not each.transition], [each for each in run.events if each.transition == "sticks"]
     assert [each.t for each in hits] == pytest.approx([fall] * 2, rel=1e-10) and hits[0].after[0] == pytest.approx(left, rel=1e-9)
     assert sum(each.impulse for each in hits) == pytest.approx(G * fall, rel=1e-9)
     assert [each.name for each in stops] == ["left", "right"] and stops[0].t == pytest.approx(fall + left / (0.3 * G), rel=1e-10)

@@ -41,7 +41,7 @@ def test_a_sphere_leaves_another(friction, kinetic, flat):
     else:
         start |= {"D.x": speed, "D.y": 0.0}
     run = ncgen.simulate(ncgen.compile(on_a_sphere(friction, flat)), 2.0, qd0=start, rtol=1e-11)
-    leaves = next(each for each in run.events if each.what == "leaves")
+    leaves = next(each for each in run.events if each.transition == "leaves")
     cosine = leaves.q[1 if flat else 2] / R
     assert cosine == pytest.approx((kinetic * speed**2 / (G * R) + 1) / (kinetic + 1), rel=1e-9)
 
@@ -61,7 +61,8 @@ def test_a_curve_is_the_circle_that_it_describes():
     profile = other.spline("profile", angles, off * np.cos(angles) + np.sqrt(R**2 - (off * np.sin(angles)) ** 2), end="periodic")
     other.contact("top", body, C, other.ground, O, radius=RADIUS, curve=profile, start=x, friction=0.3)
     run = ncgen.simulate(ncgen.compile(other), 1.2, qd0=start, rtol=1e-11)
-    assert [each.what for each in run.events] == [each.what for each in expected.events] and "leaves" in [e.what for e in run.events]
+    transitions = [each.transition for each in run.events]
+    assert transitions == [each.transition for each in expected.events] and "leaves" in transitions
     assert [each.t for each in run.events] == pytest.approx([each.t for each in expected.events], rel=1e-6)
     assert run.q[-1] == pytest.approx(expected.q[-1], abs=1e-6)
 
@@ -85,7 +86,7 @@ def test_the_rim_of_a_disc_rolls_as_a_rolling_disc():
     expected = ncgen.simulate(kernels, 0.5, zd0=rolling.simulation_options["zd0"], rtol=1e-11)
     start = dict(zip(kernels.coordinates, expected.qd[0], strict=True))
     run = ncgen.simulate(ncgen.compile(m), 0.5, qd0={name: start[name] for name in start if name[0] in "Cuv"}, rtol=1e-11)
-    assert [each.what for each in run.events] == ["rests", "sticks"]
+    assert [each.transition for each in run.events] == ["rests", "sticks"]
     assert [run[f"{name}.{axis}"][-1] for name in "Cuv" for axis in "xyz"] == pytest.approx(
         [expected[f"{name}.{axis}"][-1] for name in "Cuv" for axis in "xyz"], abs=1e-9
     )
@@ -112,7 +113,7 @@ def test_friction_is_a_parameter():
     kernels = ncgen.compile(m)
     for mu, what in ((0.0, ["rests"]), (0.4, ["rests", "sticks"])):
         run = ncgen.simulate(kernels, 0.5, qd0=velocity(5.0, 0.0), p={"mu": mu}, rtol=1e-11)
-        assert [each.what for each in run.events] == what
+        assert [each.transition for each in run.events] == what
         assert run["rate(C.x)"][-1] == pytest.approx(25 / 7 if mu else 5.0, rel=1e-9)
     with pytest.raises(ncgen.ModelError, match="contact floor: friction is -0.1; give a number that is not negative"):
         ncgen.simulate(kernels, 0.5, p={"mu": -0.1})
@@ -127,7 +128,7 @@ def test_a_block_on_a_slope_sticks_up_to_its_friction():
     m.force(P, (m.time, 0))
     m.contact("floor", body, P, m.ground, O, normal=up, friction=0.2)
     run = ncgen.simulate(ncgen.compile(m), 3.0, rtol=1e-11)
-    assert [each.what for each in run.events] == ["rests", "sticks", "slips"]
+    assert [each.transition for each in run.events] == ["rests", "sticks", "slips"]
     assert run.events[2].t == pytest.approx(0.2 * G, rel=1e-10) and run["P.x"][-1] == pytest.approx((3 - 0.2 * G) ** 3 / 6, rel=1e-9)
 
 
@@ -244,7 +245,7 @@ def test_two_tips_begin_to_slide_together():
     for P in (A, B):
         m.contact(f"tip_{P.name}", body, P, m.ground, O, normal=up, friction=0.3)
     run = ncgen.simulate(ncgen.compile(m), 4.0, rtol=1e-11)
-    assert run.events[-1].what == "slips" and run.events[-1].t == pytest.approx(0.3 * G, rel=1e-10) and len(run.events) < 10
+    assert run.events[-1].transition == "slips" and run.events[-1].t == pytest.approx(0.3 * G, rel=1e-10) and len(run.events) < 10
 
 
 def test_contacts_step_by_step():
@@ -252,7 +253,7 @@ def test_contacts_step_by_step():
     sim = ncgen.start(kernels, qd0=velocity(0.0, 50.0), rtol=1e-11)
     for _ in range(20):
         sim.step(0.05)
-    assert [each.what for each in sim.events] == ["", "rests", "sticks"]
+    assert [each.transition for each in sim.events] == ["", "rests", "sticks"]
     assert sim.events[2].t == pytest.approx(0.72811999417504, rel=1e-9) and sim.qd[0] == pytest.approx(-10 / 7, rel=1e-9)
 
 
@@ -281,5 +282,5 @@ def test_a_block_on_two_tips_that_is_pushed_to_and_fro_stays(com):
             assert not np.any(run.q - run.q[0]) and not np.any(run.qd)
         else:
             first = math.asin(2.943 / most) / (2 * math.pi)
-            assert [each.t for each in run.events if each.what == "slips"][-1] == pytest.approx(first, rel=1e-9)
+            assert [each.t for each in run.events if each.transition == "slips"][-1] == pytest.approx(first, rel=1e-9)
             assert run["rate(A.x)"][-1] > 1e-3

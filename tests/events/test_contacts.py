@@ -42,7 +42,7 @@ def test_a_sphere_slides_and_rolls():
     kernels = ncgen.compile(disc(RADIUS))
     run = ncgen.simulate(kernels, 2.0, qd0=velocity(5.0, 0.0), rtol=1e-11)
     rests, sticks = run.events
-    assert [rests.what, sticks.what] == ["rests", "sticks"] and sticks.search == "polynomial"
+    assert [rests.transition, sticks.transition] == ["rests", "sticks"] and sticks.search == "polynomial"
     assert sticks.t == pytest.approx(0.72811999417504, rel=1e-10)
     assert sticks.q[kernels.index["C.x"]] == pytest.approx(3.120514260750172, rel=1e-9)
     assert [run["rate(C.x)"][-1], spin(run.q[-1], run.qd[-1])] == pytest.approx([25 / 7, -250 / 7], rel=1e-9)
@@ -55,7 +55,7 @@ def test_a_spinning_sphere_drops():
     kernels = ncgen.compile(disc(1.0))
     run = ncgen.simulate(kernels, 1.0, qd0=velocity(0.0, 50.0), rtol=1e-11)
     hit, rests, sticks = run.events
-    assert [hit.what, rests.what, sticks.what] == ["", "rests", "sticks"]
+    assert [hit.transition, rests.transition, sticks.transition] == ["", "rests", "sticks"]
     assert hit.t == rests.t == pytest.approx(0.4283529368781193, rel=1e-10)
     assert [hit.after[0], spin(hit.q, hit.after)] == pytest.approx([-0.8404284621548701, 28.98928844612825], rel=1e-9)
     assert sticks.t == pytest.approx(0.72811999417504, rel=1e-10)
@@ -67,7 +67,7 @@ def test_a_spinning_sphere_drops():
 def test_a_slowly_spinning_sphere_rolls_at_once():
     kernels = ncgen.compile(disc(1.0))
     run = ncgen.simulate(kernels, 1.0, qd0=velocity(0.0, 10.0), rtol=1e-11)
-    assert [each.what for each in run.events] == ["", "rests", "sticks"] and len({each.t for each in run.events}) == 1
+    assert [each.transition for each in run.events] == ["", "rests", "sticks"] and len({each.t for each in run.events}) == 1
     assert [run.qd[-1, 0], spin(run.q[-1], run.qd[-1])] == pytest.approx([-2 / 7, 20 / 7], rel=1e-9)
 
 
@@ -77,7 +77,7 @@ def test_a_sphere_in_space_slides_and_rolls(turned):
     kernels = ncgen.compile(disc(RADIUS, flat=False))
     along = np.array([math.cos(turned), math.sin(turned)])
     run = ncgen.simulate(kernels, 2.0, qd0={"C.x": 5 * along[0], "C.y": 5 * along[1], "C.z": 0.0}, rtol=1e-11)
-    assert [each.what for each in run.events] == ["rests", "sticks"]
+    assert [each.transition for each in run.events] == ["rests", "sticks"]
     assert run.events[1].t == pytest.approx(0.72811999417504, rel=1e-10)
     assert run.events[1].q[:2] == pytest.approx(3.120514260750172 * along, rel=1e-9)
     assert run.qd[-1, :2] == pytest.approx(25 / 7 * along, rel=1e-9)
@@ -102,7 +102,7 @@ def test_a_rod_slides_below_the_friction_of_painleve(degrees):
     limit = (1 + 3 * math.cos(angle) ** 2) / (3 * math.sin(angle) * math.cos(angle))
     start = {"A.x": 1.0, "A.y": 0.0, "B.x": 1.0, "B.y": 0.0}
     below = ncgen.simulate(ncgen.compile(rod(0.999 * limit, angle)), 1e-3, qd0=start)
-    assert below.events[0].what == "rests"
+    assert below.events[0].transition == "rests"
     with pytest.raises(
         ncgen.ConvergenceError, match=r"rod: at t = 0 s the load of contact tip with friction .* at \(0, 0, 0\) m is not det"
     ):
@@ -112,7 +112,7 @@ def test_a_rod_slides_below_the_friction_of_painleve(degrees):
 def test_a_rod_that_slides_the_other_way_may_have_any_friction():
     start = {"A.x": -1.0, "A.y": 0.0, "B.x": -1.0, "B.y": 0.0}
     run = ncgen.simulate(ncgen.compile(rod(5.0, math.radians(45))), 1e-3, qd0=start)
-    assert run.events[0].what == "rests"
+    assert run.events[0].transition == "rests"
 
 
 @pytest.mark.parametrize(("place", "speed"), [((0.5, 0.0), (0.3, 0.1)), ((-0.2, 0.4), (0.0, -0.5))])
@@ -121,7 +121,7 @@ def test_a_sphere_on_a_turntable_rolls_in_a_circle(place, speed):
     m, rates = turntable(place, speed)
     kernels, period = ncgen.compile(m), 2 * math.pi / (2 * OMEGA / 7)
     run = ncgen.simulate(kernels, period, points=[0.0, period / 4, period], qd0=rates, rtol=1e-11)
-    assert period == pytest.approx(7.33038285837618) and [each.what for each in run.events] == ["rests", "sticks"]
+    assert period == pytest.approx(7.33038285837618) and [each.transition for each in run.events] == ["rests", "sticks"]
     start = np.array(place)
     quarter = start + np.array([speed[0] - speed[1], speed[0] + speed[1]]) / (2 * OMEGA / 7)
     centre = [[run[f"C.{axis}"][k] for axis in "xy"] for k in (1, 2)]
@@ -142,7 +142,7 @@ def test_what_rolls_on_a_plank_that_is_pulled(inertia, share):
     m.gravity((0, -G))
     m.contact("plank", body, C, plank, P, radius=RADIUS, normal=up, friction=0.5)
     run = ncgen.simulate(ncgen.compile(m), 2.0, rtol=1e-11)
-    assert [each.what for each in run.events] == ["rests", "sticks"]
+    assert [each.transition for each in run.events] == ["rests", "sticks"]
     assert run["C.x"][-1] == pytest.approx(share * pull * 2.0, rel=1e-9)
 
 
@@ -154,7 +154,7 @@ def test_a_ball_in_a_tube_comes_up_again():
     period = 2 * math.pi / (math.sqrt(2 / 7) * omega)
     times = [0.0, period / 4, period / 2, period]
     run = ncgen.simulate(ncgen.compile(m), period, points=times, qd0=rates, rtol=1e-11)
-    assert [each.what for each in run.events] == ["rests", "sticks"]
+    assert [each.transition for each in run.events] == ["rests", "sticks"]
     assert run["C.z"] == pytest.approx([-2.5 * G / omega**2 * (1 - math.cos(2 * math.pi * t / period)) for t in times], abs=1e-9)
 
 
@@ -174,5 +174,5 @@ def test_a_block_that_is_pushed_across_a_slope(share):
     total = share * np.hypot(run["rate(P.x)"], run["rate(P.y)"]) + run["rate(P.x)"]
     assert np.max(np.abs(total - np.maximum(share * speed + rate * run.t, 0.0))) < 1e-9
     if share > 1:
-        assert [each.what for each in run.events] == ["rests", "sticks"] and run.events[1].t == pytest.approx(end, rel=1e-9)
+        assert [each.transition for each in run.events] == ["rests", "sticks"] and run.events[1].t == pytest.approx(end, rel=1e-9)
         assert not np.any(run.qd[-1])

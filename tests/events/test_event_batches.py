@@ -23,7 +23,7 @@ def test_each_row_has_its_own_events(dropped):
     """Dropped from h a ball hits the floor at √(2h/g) and comes to rest at three times that."""
     batch = ncgen.simulate(dropped, 1.0, points=11, q0=HEIGHTS[:, None])
     assert batch.ok.all() and [each[0].t for each in batch.events] == pytest.approx(np.sqrt(2 * HEIGHTS / G), rel=1e-12)
-    assert [any(each.what == "rests" for each in row) for row in batch.events] == (3 * np.sqrt(2 * HEIGHTS / G) < 1.0).tolist()
+    assert [any(each.transition == "rests" for each in row) for row in batch.events] == (3 * np.sqrt(2 * HEIGHTS / G) < 1.0).tolist()
     for i, height in enumerate(HEIGHTS):
         run = ncgen.simulate(dropped, 1.0, points=11, q0={"P.y": height}, integrator="dopri5")
         assert batch.q[i] == pytest.approx(run.q, abs=1e-13) and batch.qd[i] == pytest.approx(run.qd, abs=1e-13)
@@ -101,7 +101,7 @@ def test_rows_that_stick():
     kernels = ncgen.compile(m)
     method = {"rtol": 1e-11, "integrator": "dop853"}
     batch = ncgen.simulate(kernels, 30.0, q0=np.full((2, 2), 12.0), zd0=np.array([[6.0], [3.0]]), z=("s",), **method)
-    assert batch.ok.all() and [each[-1].what for each in batch.events] == ["sticks", "sticks"]
+    assert batch.ok.all() and [each[-1].transition for each in batch.events] == ["sticks", "sticks"]
     assert batch.events[0][-1].t == pytest.approx(22.42355635069909, rel=1e-9)
     assert batch.q[0, -1, 0] == pytest.approx(1 - (math.sqrt(205) - 14), abs=1e-10)
     alone = ncgen.simulate(kernels, 30.0, points=2, **method, q0={"s": 12.0, "A.x": 12.0}, qd0={"s": 3.0})

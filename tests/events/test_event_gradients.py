@@ -45,7 +45,7 @@ def test_one_bounce():
         return q[-1, 0], weight, None
 
     back = ncgen.gradient(kernels, 0.7, 7, height, by=list(expected))
-    assert [back.slopes[name] for name in expected] == pytest.approx(list(expected.values()), rel=1e-9)
+    assert [back.derivatives[name] for name in expected] == pytest.approx(list(expected.values()), rel=1e-9)
 
 
 def test_the_period_of_a_block_on_a_belt():
@@ -55,7 +55,7 @@ def test_the_period_of_a_block_on_a_belt():
     m.torque(u, -(u + v * m.time))
     m.friction(u, coulomb=3.0, static=static, name="belt")
     found = ncgen.sensitivities(ncgen.compile(m), 7.8, 1000, by=["v", "static"], q0={"s": 1.0, "A.x": 1.0})
-    slips = [each for each in found.events if each.what == "slips"]
+    slips = [each for each in found.events if each.transition == "slips"]
     assert slips[1].t - slips[0].t == pytest.approx(6.440513433417785, rel=1e-10)
     assert slips[1].t_by - slips[0].t_by == pytest.approx([-0.1367521367521368, 0.2051282051282051], rel=1e-9)
 
@@ -138,7 +138,7 @@ def test_differences_of_runs_and_the_reverse_sweep():
 
     back = ncgen.gradient(kernels, 0.4, 8, total, by=list(at), zd0={"psi": -3.0}, **given)
     forward = np.sum(found.q_by, axis=(0, 1)) + np.sum(found.qd_by, axis=(0, 1))
-    assert [back.slopes[name] for name in at] == pytest.approx(forward, rel=1e-11)
+    assert [back.derivatives[name] for name in at] == pytest.approx(forward, rel=1e-11)
 
 
 def test_changes_of_inputs_and_velocities():
@@ -199,7 +199,7 @@ def test_gaps_that_come_to_rest():
     m.force(m.elements["P"], (0, pull * m.time))
     kernels = ncgen.compile(m)
     found = ncgen.sensitivities(kernels, 2.8, 28, by=["h", "e", "pull"])
-    assert found.events[-1].what == "leaves" and found.events[-1].t == pytest.approx(G / 4, rel=1e-10)
+    assert found.events[-1].transition == "leaves" and found.events[-1].t == pytest.approx(G / 4, rel=1e-10)
     assert found.events[-1].t_by == pytest.approx([0.0, 0.0, -G / 16], abs=1e-9)
     T = 2.8 - G / 4
     assert found.q_by[-1, 0] == pytest.approx([0.0, 0.0, T**3 / 6 + T**2 / 2 * G / 4], abs=1e-8)
@@ -232,7 +232,7 @@ def test_events_that_a_joint_has_at_the_start():
         return q[-1, column], weight, None
 
     back = ncgen.gradient(kernels, 3.0, 12, last, by=names)
-    assert [back.slopes[name] for name in names] == pytest.approx(expected, rel=1e-9)
+    assert [back.derivatives[name] for name in names] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("order", ["in turn", "simultaneous"])
@@ -282,7 +282,7 @@ def test_inputs_over_time():
     step = 1e-3
     slopes = [(end(values + step * row) - end(values - step * row)) / (2 * step) for row in np.eye(5)]
     assert found.by_inputs["lift"] == pytest.approx(slopes, abs=1e-7)
-    assert found.slopes["lift"] == pytest.approx(np.sum(slopes), abs=1e-7)
+    assert found.derivatives["lift"] == pytest.approx(np.sum(slopes), abs=1e-7)
 
 
 @pytest.mark.slow
@@ -301,7 +301,7 @@ def test_a_double_pendulum_with_a_stop_and_friction():
     m.friction(lower, coulomb=mu, static=1.5 * mu, name="joint")
     kernels, at, given = ncgen.compile(m), {"mu": 0.6, "limit": -1.2, "e": 0.3}, {"integrator": "dop853", "rtol": 1e-11}
     found = ncgen.sensitivities(kernels, 1.3, 13, by=list(at), **given)
-    assert [each.what or each.name for each in found.events[:5]] == ["sticks", "slips", "upper.angle.stop.lower", "turns"] + [
+    assert [each.transition or each.name for each in found.events[:5]] == ["sticks", "slips", "upper.angle.stop.lower", "turns"] + [
         "upper.angle.stop.lower"
     ]
 
@@ -316,7 +316,7 @@ def test_a_double_pendulum_with_a_stop_and_friction():
         mine = np.concatenate([found.q_by[-1, :, k], found.qd_by[-1, :, k], [each.t_by[k] for each in found.events]])
         assert mine == pytest.approx(slope, rel=1e-6, abs=1e-6)
     back = ncgen.gradient(kernels, 1.3, 13, lambda q, qd: (np.sum(q), np.ones_like(q), None), by=list(at), **given)
-    assert [back.slopes[name] for name in at] == pytest.approx(np.sum(found.q_by, axis=(0, 1)), rel=1e-9)
+    assert [back.derivatives[name] for name in at] == pytest.approx(np.sum(found.q_by, axis=(0, 1)), rel=1e-9)
 
 
 def test_feet_that_share_their_impulse():

@@ -52,7 +52,7 @@ def test_columns_are_those_of_single_runs(found):
     kernels = ncgen.compile(ball())
     for i in range(4):
         run = ncgen.simulate(kernels, 0.8, p={"e": found["e"][i]}, q0={"P.y": found["start(P.y)"][i]}, points=101)
-        own = [each for each in run.events if not each.what]
+        own = [each for each in run.events if not each.transition]
         assert found["P.y"][i] == run["P.y"][-1] and found["count(floor)"][i] == len(own) and found["first_time(floor)"][i] == own[0].t
 
 

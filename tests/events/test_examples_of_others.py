@@ -180,7 +180,7 @@ def test_a_spool_between_its_stops():
     m.friction(s, coulomb=1.0)
     m.stop(s, lower=0.0, upper=stroke, restitution=0.3)
     run = ncgen.simulate(ncgen.compile(m), 0.02, rtol=1e-11, points=401)
-    slips = next(each for each in run.events if each.what == "slips")
+    slips = next(each for each in run.events if each.transition == "slips")
     assert slips.t == pytest.approx(math.asin(((preload + 1.0) / area / 6895 - 18) / 4) / (2 * math.pi * 250), rel=1e-9)
     assert np.min(run["s"]) > -1e-12 and np.max(run["s"]) < stroke + 1e-12
-    assert sum(each.what == "sticks" for each in run.events) > 3 and run.energy_drift < 1e-9
+    assert sum(each.transition == "sticks" for each in run.events) > 3 and run.energy_drift < 1e-9

@@ -24,7 +24,7 @@ def test_a_stop_and_friction_on_one_coordinate(side):
     hit, sticks = (event for event in run.events if event.t > 0)
     before = math.sqrt(4.0 - 1.0)
     back = 0.8 * before
-    assert hit.name == f"s.stop.{'upper' if side > 0 else 'lower'}" and sticks.what == "sticks"
+    assert hit.name == f"s.stop.{'upper' if side > 0 else 'lower'}" and sticks.transition == "sticks"
     assert hit.before[kernels.index["s"]] == pytest.approx(side * before, rel=1e-10)
     assert sticks.t - hit.t == pytest.approx(back, rel=1e-10)
     assert run["s"][-1] == pytest.approx(side * (0.5 - back**2 / 2), rel=1e-9) and run.energy_drift < 1e-9
@@ -38,7 +38,7 @@ def test_a_block_that_comes_to_rest_at_its_stop_with_friction(push, rests):
     m.stop(s, upper=0.5)
     m.friction(s, 1.0)
     run = ncgen.simulate(ncgen.compile(m), 3.0, rtol=1e-11, qd0={"s": 5.0}, points=31)
-    (hit,) = (event for event in run.events if event.name == "s.stop.upper" and not event.what)
+    (hit,) = (event for event in run.events if event.name == "s.stop.upper" and not event.transition)
     after = run.t > hit.t
     if rests:
         assert np.ptp(run["s"][after]) < 1e-13
@@ -121,7 +121,7 @@ def test_an_event_at_the_start_that_locks():
     m, s = sliding_block("start")
     m.event("grip", when=s, do=ncgen.lock(s))
     run = ncgen.simulate(ncgen.compile(m), 1.0, qd0={"s": -1.0}, points=3)
-    assert [(event.t, event.what, event.search) for event in run.events] == [(0.0, "locks", "start")] and np.all(run["s"] == 0.0)
+    assert [(event.t, event.transition, event.search) for event in run.events] == [(0.0, "locks", "start")] and np.all(run["s"] == 0.0)
 
 
 def test_a_lock_and_a_stop_at_one_instant():

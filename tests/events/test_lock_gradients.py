@@ -36,7 +36,7 @@ def check_sweep(kernels, duration, steps, found, by, **given):
 
     back = ncgen.gradient(kernels, duration, steps, total, by=by, **given)
     forward = np.sum(found.q_by, axis=(0, 1)) + np.sum(found.qd_by, axis=(0, 1))
-    assert [back.slopes[name] for name in by] == pytest.approx(forward, rel=1e-10, abs=1e-10)
+    assert [back.derivatives[name] for name in by] == pytest.approx(forward, rel=1e-10, abs=1e-10)
 
 
 def test_a_clutch_that_closes_at_a_speed():
@@ -105,7 +105,7 @@ def test_a_ratchet_holds_where_it_turns_back():
     def end(F, p, v):
         return np.array([v / F, F / p, v**2 / (2 * F) + p * (3 - F / p) ** 3 / 6])
 
-    column, (held, leaves) = kernels.index["s"], [each for each in found.events if each.what]
+    column, (held, leaves) = kernels.index["s"], [each for each in found.events if each.transition]
     mine = np.vstack([held.t_by, leaves.t_by, found.q_by[-1, column]])
     assert mine == pytest.approx(slopes_of(end, [2.0, 1.0, 1.0]), rel=1e-9, abs=1e-10)
     check_sweep(kernels, 3.0, 60, found, by, **given)
@@ -167,5 +167,5 @@ def test_the_winch():
         return np.concatenate([run.q[-1], run.qd[-1], [each.t for each in run.events]])
 
     mine = np.vstack([found.q_by[-1], found.qd_by[-1], [each.t_by for each in found.events]])
-    assert {each.what for each in found.events} == {"", "sticks", "slips", "locks", "frees", "catches", "releases"}
+    assert {each.transition for each in found.events} == {"", "sticks", "slips", "locks", "frees", "catches", "releases"}
     assert mine == pytest.approx(differences_of(everything, {"torque": 0.0}), rel=1e-7, abs=1e-8)

@@ -34,7 +34,8 @@ def test_a_clutch_between_two_discs():
     run = ncgen.simulate(ncgen.compile(m), 1.5, rtol=1e-11, qd0={"psi1": 10.0, "psi2": 0.0}, points=4)
     closes, opens = run.events
     common = (2 * 10 + 3 * 1.0) / 5
-    assert [(e.name, e.what, e.search) for e in run.events] == [("clutch", "locks", "polynomial"), ("clutch.free", "frees", "polynomial")]
+    events = [(e.name, e.transition, e.search) for e in run.events]
+    assert events == [("clutch", "locks", "polynomial"), ("clutch.free", "frees", "polynomial")]
     assert [closes.t, opens.t] == pytest.approx([0.5, 1.0], rel=1e-13)
     assert closes.energy_lost == pytest.approx(0.5 * 6 / 5 * 9.0**2, rel=1e-11)
     places = [run.kernels.index[name] for name in ("psi1", "psi2")]
@@ -51,7 +52,7 @@ def test_a_clutch_with_a_ratio():
     run = ncgen.simulate(ncgen.compile(m), 0.1, qd0={"psi1": 10.0, "psi2": 0.0}, points=2)
     impulse = -10.0 / (1 / 2 + 4 / 3)
     (closed,) = run.events
-    assert (closed.what, closed.search, closed.t) == ("locks", "start", 0.0)
+    assert (closed.transition, closed.search, closed.t) == ("locks", "start", 0.0)
     assert [run["rate(psi1)"][-1], run["rate(psi2)"][-1]] == pytest.approx([10 + impulse / 2, 2 * impulse / 3], rel=1e-11)
 
 
@@ -61,7 +62,7 @@ def test_a_clutch_that_slips_up_to_a_torque():
     m.friction(psi1, coulomb=4.0, other=psi2, name="clutch")
     run = ncgen.simulate(ncgen.compile(m), 4.0, rtol=1e-11, qd0={"psi1": 10.0, "psi2": 0.0}, points=5)
     (sticks,) = [event for event in run.events if event.t > 0]
-    assert (sticks.name, sticks.what) == ("clutch", "sticks") and sticks.t == pytest.approx(10 / (4 * (1 / 2 + 1 / 3)), rel=1e-11)
+    assert (sticks.name, sticks.transition) == ("clutch", "sticks") and sticks.t == pytest.approx(10 / (4 * (1 / 2 + 1 / 3)), rel=1e-11)
     assert [run["rate(psi1)"][-1], run["rate(psi2)"][-1]] == pytest.approx([4.0, 4.0], rel=1e-11)
 
 
@@ -74,7 +75,7 @@ def test_a_lock_by_events_of_others():
     kernels = ncgen.compile(m)
     run = ncgen.simulate(kernels, 3.0, points=7)
     assert run["s"] == pytest.approx([0, 1 / 8, 1 / 2, 1 / 2, 1 / 2, 1 / 2 + 1.5 + 1 / 8, 1 / 2 + 3 + 1 / 2], abs=1e-12)
-    assert [(e.name, e.what) for e in run.events] == [("grip", "locks"), ("let_go", "frees")]
+    assert [(e.name, e.transition) for e in run.events] == [("grip", "locks"), ("let_go", "frees")]
     assert run.events[0].energy_lost == pytest.approx(0.5, rel=1e-12) and run.energy_drift < 1e-12
     assert np.max(np.abs(run["rate(rate(s))"][3:4])) < 1e-12
 
@@ -96,7 +97,7 @@ def test_steps_and_batches_go_through_locks():
         assert sim.q == pytest.approx(run.q[-1], abs=1e-12) and [e.name for e in sim.events] == [e.name for e in run.events]
     batch = ncgen.simulate(kernels, 3.0, qd0=[[0.0, 0.0], [1.0, 1.0]], points=7)
     assert batch.q[0, -1] == pytest.approx(run.q[-1], abs=1e-12)
-    assert [[e.what for e in events if e.t > 0] for events in batch.events] == [["locks", "frees"]] * 2
+    assert [[e.transition for e in events if e.t > 0] for events in batch.events] == [["locks", "frees"]] * 2
 
 
 def test_files_say_locks(tmp_path):
@@ -158,14 +159,14 @@ def test_a_ratchet_holds_a_weight():
     """Thrown up with 2 m/s it hangs where it would turn back, for ever."""
     run = ncgen.simulate(winch(), 5.0, rtol=1e-11, qd0={"P.y": 2.0}, points=6)
     (caught,) = [event for event in run.events if event.t > 0]
-    assert (caught.name, caught.what) == ("pawl", "catches") and caught.t == pytest.approx(2.0 / G, rel=1e-13)
+    assert (caught.name, caught.transition) == ("pawl", "catches") and caught.t == pytest.approx(2.0 / G, rel=1e-13)
     assert run["P.y"][1:] == pytest.approx([2.0**2 / (2 * G)] * 5, rel=1e-12) and np.all(np.abs(run["rate(P.y)"][1:]) < 1e-14)
 
 
 def test_a_ratchet_releases_what_is_lifted():
     kernels = winch()
     run = ncgen.simulate(kernels, 3.0, rtol=1e-11, inputs={"lift": lambda t: 2 * G * t / 2})
-    assert [(event.what, round(event.t, 10)) for event in run.events] == [("catches", 0.0), ("releases", 1.0)]
+    assert [(event.transition, round(event.t, 10)) for event in run.events] == [("catches", 0.0), ("releases", 1.0)]
     assert run["P.y"][-1] == pytest.approx(G * 2.0**3 / 6, rel=1e-10)
 
 
@@ -181,7 +182,7 @@ def test_a_ratchet_with_teeth():
     kernels = winch(pitch=0.03)
     run = ncgen.simulate(kernels, 2.0, rtol=1e-11, qd0={"P.y": math.sqrt(2 * G * 0.2)}, q0={"P.y": 5.0}, points=3)
     names = [event.name for event in run.events]
-    assert names == ["pawl.tooth"] * 6 + ["pawl", "pawl"] and run.events[-1].what == "rests"
+    assert names == ["pawl.tooth"] * 6 + ["pawl", "pawl"] and run.events[-1].transition == "rests"
     assert run.events[6].before[0] == pytest.approx(-math.sqrt(2 * G * 0.02), rel=1e-9)
     assert run["P.y"][-1] == pytest.approx(5.18, rel=1e-12)
 
@@ -193,7 +194,7 @@ def test_a_freewheel():
     m.ratchet(psi1, psi2, name="freewheel")
     run = ncgen.simulate(ncgen.compile(m), 3.0, rtol=1e-11, qd0={"psi1": 2.0, "psi2": 0.0}, points=4)
     (caught,) = [event for event in run.events if event.t > 0]
-    assert caught.what == "catches" and caught.t == pytest.approx(1.0, rel=1e-10)
+    assert caught.transition == "catches" and caught.t == pytest.approx(1.0, rel=1e-10)
     assert [run["rate(psi1)"][-1], run["rate(psi2)"][-1]] == pytest.approx([2 + 6 / 5 * 2] * 2, rel=1e-11)
 
 
@@ -228,7 +229,7 @@ def test_a_brake_that_an_input_pulls():
     m.torque(s, 5 * sympy.Max(0, m.time - 2))
     m.friction(s, coulomb=pull, name="brake")
     run = ncgen.simulate(ncgen.compile(m), 4.0, rtol=1e-11, qd0={"s": 1.0}, inputs={"pull": lambda t: 2 * t})
-    seen = [(event.what, event.t) for event in run.events if event.t > 0]
+    seen = [(event.transition, event.t) for event in run.events if event.t > 0]
     assert [what for what, _ in seen] == ["sticks", "slips"]
     assert [t for _, t in seen] == pytest.approx([1.0, 10 / 3], rel=1e-9)
 
@@ -242,7 +243,7 @@ def test_a_capstan():
     m.friction(s, coulomb=tension * (grip - 1), name="bollard")
     run = ncgen.simulate(ncgen.compile(m), 2 * grip + 0.1, rtol=1e-11, points=2)
     (slips,) = [event for event in run.events if event.t > 0]
-    assert (slips.name, slips.what) == ("bollard", "slips") and slips.t == pytest.approx(2 * grip, rel=1e-11)
+    assert (slips.name, slips.transition) == ("bollard", "slips") and slips.t == pytest.approx(2 * grip, rel=1e-11)
     w = math.sqrt(10 * grip)
     assert run["s"][-1] == pytest.approx((0.1 * w - math.sin(0.1 * w)) / w**3, rel=1e-8)
 
@@ -296,7 +297,7 @@ def test_a_four_bar_whose_crank_is_locked():
     m.lock(psi, when=psi + 0.6)
     run = ncgen.simulate(ncgen.compile(m), 0.3, zd0={"psi": -3.0})
     (locks,) = run.events
-    assert locks.what == "locks" and run["psi"][-1] == pytest.approx(-0.6, rel=1e-12) and np.max(np.abs(run.qd[-1])) < 1e-13
+    assert locks.transition == "locks" and run["psi"][-1] == pytest.approx(-0.6, rel=1e-12) and np.max(np.abs(run.qd[-1])) < 1e-13
 
 
 @pytest.mark.parametrize("start", [-0.5, -0.03, 0.0, 0.07])

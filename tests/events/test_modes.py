@@ -26,8 +26,8 @@ def test_a_ball_comes_to_rest():
     m.event("floor", when=P.y, do=ncgen.impact(restitution=0.5))
     kernels = ncgen.compile(m)
     run = ncgen.simulate(kernels, 4.0, inputs={"lift": lambda t: 4 * t})
-    rests, leaves = [each for each in run.events if each.what]
-    assert (rests.what, leaves.what) == ("rests", "leaves")
+    rests, leaves = [each for each in run.events if each.transition]
+    assert (rests.transition, leaves.transition) == ("rests", "leaves")
     assert leaves.t == pytest.approx(G / 4, rel=1e-10) and run["P.y"][-1] == pytest.approx(2 * (4.0 - G / 4) ** 3 / 3, rel=1e-9)
     at_rest = (run.t > 2.2) & (run.t < G / 4)
     assert np.max(np.abs(run["P.y"][at_rest])) < 1e-14 and np.max(np.abs(run["rate(rate(P.y))"][at_rest])) < 1e-12
@@ -43,7 +43,7 @@ def test_a_block_sticks_and_slips_on_a_belt():
     slip = 2 * math.pi - 2 * math.atan(2 / 3)
     expected = np.cumsum([4 / 3, slip] * 3)
     seen = [each for each in run.events if each.t > 0]
-    assert [each.what for each in seen] == ["slips", "sticks"] * 3
+    assert [each.transition for each in seen] == ["slips", "sticks"] * 3
     assert [each.t for each in seen] == pytest.approx(expected, rel=1e-10)
     places = [each.q[0] + 3 * each.t for each in seen]
     assert places == pytest.approx([5.0, 1.0] * 3, rel=1e-9)
@@ -56,7 +56,7 @@ def test_an_oscillator_rests():
     m.friction(s, coulomb=1.0)
     kernels = ncgen.compile(m)
     run = ncgen.simulate(kernels, 100.0, rtol=1e-12, q0={"s": 12.0, "A.x": 12.0}, qd0={"s": 6.0})
-    assert [each.what for each in run.events] == ["turns"] * (len(run.events) - 1) + ["sticks"]
+    assert [each.transition for each in run.events] == ["turns"] * (len(run.events) - 1) + ["sticks"]
     assert run.events[-1].t == pytest.approx(22.42355635069909, rel=1e-10)
     assert run["s"][-1] == pytest.approx(1 - (math.sqrt(205) - 14), abs=1e-10)
     assert run["s"][-1] == run["s"][60] and run.energy_drift < 1e-8
@@ -69,7 +69,7 @@ def test_a_joint_that_stops_within_its_friction_sticks_at_once():
     m.friction(s, coulomb=1.0)
     run = ncgen.simulate(ncgen.compile(m), 2.0, rtol=1e-11, qd0={"s": 0.5})
     (sticks,) = run.events
-    assert sticks.what == "sticks" and sticks.t == pytest.approx(math.atan(0.5), rel=1e-10)
+    assert sticks.transition == "sticks" and sticks.t == pytest.approx(math.atan(0.5), rel=1e-10)
     assert run["s"][-1] == pytest.approx(math.sqrt(1.25) - 1, rel=1e-10)
 
 
@@ -89,7 +89,7 @@ def test_loads_in_c_and_in_python(monkeypatch, calls_python):
     for number in (2.0, 2.5):
         run = ncgen.simulate(kernels, 3.0, rtol=1e-11, p={"most": number})
         seen = [each for each in run.events if each.t > 0]
-        assert [each.what for each in seen] == ["slips"] and seen[0].t == pytest.approx(number, rel=1e-12)
+        assert [each.transition for each in seen] == ["slips"] and seen[0].t == pytest.approx(number, rel=1e-12)
     assert bool(called) == calls_python
 
 
@@ -101,8 +101,8 @@ def test_a_rope_becomes_slack_and_taut():
     m.gravity((0, -G))
     m.rope(O, P, 1.0, name="rope")
     run = ncgen.simulate(ncgen.compile(m), 1.3, rtol=1e-12, qd0={"P.x": math.sqrt(3.5 * G), "P.y": 0.0})
-    slack, taut = (each for each in run.events if each.t > 0 and each.what != "rests")
-    assert slack.what == "leaves" and slack.t == pytest.approx(0.4819942834614219, rel=1e-10)
+    slack, taut = (each for each in run.events if each.t > 0 and each.transition != "rests")
+    assert slack.transition == "leaves" and slack.t == pytest.approx(0.4819942834614219, rel=1e-10)
     assert math.hypot(*slack.before) == pytest.approx(2.21472345903501, rel=1e-9)
     assert taut.t - slack.t == pytest.approx(0.782061887005775, rel=1e-10) and taut.q == pytest.approx([0.0, -1.0], abs=1e-9)
     assert taut.before == pytest.approx([-1.107361729517505, -5.75402033364499], rel=1e-9)
@@ -133,7 +133,7 @@ def test_a_block_pushed_against_its_stop_rests_there():
     m.torque(s, 2 - m.time)
     m.stop(s, upper=0.5)
     run = ncgen.simulate(ncgen.compile(m), 3.0, rtol=1e-11)
-    assert [each.what for each in run.events] == ["", "rests", "leaves"]
+    assert [each.transition for each in run.events] == ["", "rests", "leaves"]
     assert run.events[2].t == pytest.approx(2.0, rel=1e-10) and run["s"][-1] == pytest.approx(0.5 - 1 / 6, rel=1e-9)
 
 
@@ -144,7 +144,7 @@ def test_a_mechanism_that_begins_at_rest_on_friction():
     m.friction(s, coulomb=1.0, static=2.0)
     run = ncgen.simulate(ncgen.compile(m), 3.0, rtol=1e-11)
     seen = [each for each in run.events if each.t > 0]
-    assert [(each.what, round(each.t, 10)) for each in seen] == [("slips", 2.0)]
+    assert [(each.transition, round(each.t, 10)) for each in seen] == [("slips", 2.0)]
     assert run["s"][-1] == pytest.approx(1 / 6 + 1 / 2, rel=1e-9)
 
 
@@ -160,6 +160,12 @@ def test_an_archive_keeps_events(tmp_path):
     for each in (run, again):
         with pytest.raises(ncgen.ModelError, match="kept: joint reactions need a motion of one mechanism"):
             each.reactions()
+    path = tmp_path / "trajectory.npz"
+    with np.load(path) as archive:
+        older = dict(archive)
+    older["about"] = np.array(str(older["about"]).replace('"transition"', '"what"'))
+    np.savez(path, **older)
+    assert [each.transition for each in ncgen.read(path, run.kernels).events] == [each.transition for each in run.events]
 
 
 def test_files_say_elements():
@@ -173,8 +179,8 @@ def test_files_say_elements():
 def test_a_follower_leaves_its_cam():
     """A cam of 5 mm lifts a follower that its weight holds down; above ω = √(g/A) it leaves, here at 1.2 times that, and lands again."""
     run = ncgen.simulate(ncgen.compile(follower()), 0.11, rtol=1e-12)
-    leaves, lands = (each for each in run.events if each.t > 0 and each.what != "rests")
-    assert (leaves.what, lands.what) == ("leaves", "")
+    leaves, lands = (each for each in run.events if each.t > 0 and each.transition != "rests")
+    assert (leaves.transition, lands.transition) == ("leaves", "")
     assert [leaves.t, lands.t] == pytest.approx([0.0439942783575529, 0.1076599719173969], rel=1e-10)
     assert lands.before[0] - LIFT * SPEED * math.sin(SPEED * lands.t) == pytest.approx(-0.2920006281060264, rel=1e-9)
 
@@ -198,5 +204,5 @@ def test_friction_and_a_stop_hold_one_coordinate(coulomb):
     m.stop(s, lower=-0.5, upper=1.0, restitution=0.4)
     run = ncgen.simulate(ncgen.compile(m), 3.0, rtol=1e-10)
     assert run["s"][-1] == pytest.approx(1.0, abs=1e-12) and run["rate(s)"][-1] == pytest.approx(0.0, abs=1e-12)
-    rests = [each for each in run.events if each.what == "rests"][-1]
+    rests = [each for each in run.events if each.transition == "rests"][-1]
     assert rests.name == "s.stop.upper" and run.events[-1].t == rests.t

@@ -33,13 +33,13 @@ def test_a_disc_on_its_pin():
     run = ncgen.simulate(ncgen.compile(pinned(0.0)), 4.0, rtol=1e-11, qd0={"turn": 3.0})
     slowing = MU * RADIUS * MASS * G / INERTIA
     (stops,) = run.events
-    assert stops.what == "sticks" and stops.t == pytest.approx(3.0 / slowing, rel=1e-11)
+    assert stops.transition == "sticks" and stops.t == pytest.approx(3.0 / slowing, rel=1e-11)
     assert run["turn"][-1] == pytest.approx(3.0**2 / 2 / slowing, rel=1e-10) and run.energy_drift < 1e-11
 
 
 def test_it_slips_where_the_couple_exceeds_the_friction_of_its_weight():
     run = ncgen.simulate(ncgen.compile(pinned(0.0, couple=lambda t: t)), 1.0, rtol=1e-11)
-    assert [each.what for each in run.events] == ["sticks", "slips"]
+    assert [each.transition for each in run.events] == ["sticks", "slips"]
     most = MU * RADIUS * MASS * G
     assert run.events[1].t == pytest.approx(most, rel=1e-11)
     assert run["rate(turn)"][-1] == pytest.approx((1.0 - most) ** 2 / 2 / INERTIA, rel=1e-10)

@@ -44,11 +44,11 @@ def test_a_woodpecker_goes_down_its_pole():
     """Events of the first period, and the limit cycle (Glocker and Studer, ASME DETC2001/VIB-21608; digits by event-driven integration)."""
     m, start = woodpecker()
     run = ncgen.simulate(ncgen.compile(m), 20.0, qd0=start, rtol=1e-11, points=2)
-    seen = [(each.name, each.what) for each in run.events[1:6]]
+    seen = [(each.name, each.transition) for each in run.events[1:6]]
     assert seen == [("lower", "sticks"), ("lower", "slips"), ("lower", "leaves"), ("upper", ""), ("beak", "")]
     expected = [0.021636314053, 0.061213931248, 0.067023398145, 0.077877992290, 0.080988805419]
     assert [each.t for each in run.events[1:6]] == pytest.approx(expected, rel=1e-10)
-    sticks = [each for each in run.events if (each.name, each.what) == ("lower", "sticks")]
+    sticks = [each for each in run.events if (each.name, each.transition) == ("lower", "sticks")]
     periods = np.diff([each.t for each in sticks])
     assert periods[-1] == pytest.approx(0.145976065, abs=1e-9)
     assert 1e3 * (sticks[-2].q[0] - sticks[-1].q[0]) == pytest.approx(19.4453, abs=1e-4)

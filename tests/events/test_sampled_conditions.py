@@ -54,7 +54,7 @@ def test_a_pushed_block_slips_in_every_half_period(frequency):
     kernels, w = ncgen.compile(block()), 2 * math.pi * frequency
     run = ncgen.simulate(kernels, 3.0 / frequency, inputs={"F": lambda t: PUSH * math.sin(w * t)}, rtol=1e-12, atol=1e-14)
     expected = [("sticks", 0.0), *slips_and_sticks(frequency, 6)]
-    assert [(each.what, pytest.approx(each.t, abs=1e-10)) for each in run.events] == expected
+    assert [(each.transition, pytest.approx(each.t, abs=1e-10)) for each in run.events] == expected
 
 
 @pytest.mark.filterwarnings("ignore:block. the energy changes")
@@ -67,9 +67,9 @@ def test_many_oscillations_in_a_step():
     kernels = ncgen.compile(block())
     first = min(crossings(lambda t: abs(push(t)) - LIMIT, 36.0, 400_001))
     resting = ncgen.simulate(kernels, first - 0.01, points=2, inputs={"F": push})
-    assert [each.what for each in resting.events] == ["sticks"] and 20 * resting.statistics.steps < 20 * first
+    assert [each.transition for each in resting.events] == ["sticks"] and 20 * resting.statistics.steps < 20 * first
     run = ncgen.simulate(kernels, 36.0, points=2, inputs={"F": push})
-    assert [each.what for each in run.events[:2]] == ["sticks", "slips"] and run.events[1].t == pytest.approx(first, abs=1e-10)
+    assert [each.transition for each in run.events[:2]] == ["sticks", "slips"] and run.events[1].t == pytest.approx(first, abs=1e-10)
 
 
 def test_a_condition_of_a_state_and_an_input():
@@ -87,11 +87,11 @@ def test_a_smooth_load_takes_three_values_more_than_nodes():
     asked = []
     kernels = ncgen.compile(block())
     run = ncgen.simulate(kernels, 3.0, points=2, inputs={"F": lambda t: asked.append(t) or math.exp(-t)})
-    assert [each.what for each in run.events] == ["sticks"]
+    assert [each.transition for each in run.events] == ["sticks"]
     assert len(set(asked)) <= (12 + 8 + 3) * run.statistics.steps + 520
 
 
 def test_a_push_that_jumps_below_the_limit_moves_nothing():
     """No polynomial follows ± 2.9 N; at the narrowest part of a step values count, of which none is beyond 2.943 N."""
     run = ncgen.simulate(ncgen.compile(block()), 3.0, points=2, inputs={"F": lambda t: math.copysign(2.9, math.sin(7 * t))})
-    assert [each.what for each in run.events] == ["sticks"] and run["s"][-1] == 1.0
+    assert [each.transition for each in run.events] == ["sticks"] and run["s"][-1] == 1.0

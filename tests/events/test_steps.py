@@ -60,7 +60,7 @@ def test_a_block_on_a_belt():
     slip = 2 * math.pi - 2 * math.atan(2 / 3)
     seen = [each for each in sim.events if each.t > 0]
     assert [each.t for each in seen] == pytest.approx(np.cumsum([4 / 3, slip] * 3)[: len(seen)], rel=1e-10) and len(seen) == 4
-    assert [each.what for each in sim.events] == [each.what for each in run.events]
+    assert [each.transition for each in sim.events] == [each.transition for each in run.events]
     assert sim.q == pytest.approx(run.q[-1], abs=1e-11) and sim.qd == pytest.approx(run.qd[-1], abs=1e-11)
     assert sim.qdd == pytest.approx(run.qdd[-1], abs=1e-10)
 
@@ -71,7 +71,7 @@ def test_an_oscillator_rests():
     m.friction(s, coulomb=1.0)
     sim = ncgen.start(ncgen.compile(m), rtol=1e-11, q0={"s": 12.0, "A.x": 12.0}, qd0={"s": 6.0})
     stepped(sim, 100, 0.5)
-    assert sim.events[-1].what == "sticks" and sim.events[-1].t == pytest.approx(22.42355635069909, rel=1e-9)
+    assert sim.events[-1].transition == "sticks" and sim.events[-1].t == pytest.approx(22.42355635069909, rel=1e-9)
     assert sim["s"] == pytest.approx(1 - (math.sqrt(205) - 14), abs=1e-10)
 
 
@@ -88,10 +88,10 @@ def test_a_push_that_changes_between_steps():
     sim.step(1.0, push=1.9)
     assert abs(sim["s"]) < 1e-100 and abs(sim["rate(s)"]) < 1e-100
     sim.step(1.0, push=2.5)
-    assert sim.events[-1].what == "slips" and sim.events[-1].t == 1.0
+    assert sim.events[-1].transition == "slips" and sim.events[-1].t == 1.0
     assert [sim["s"], sim["rate(s)"]] == pytest.approx([0.75, 1.5], rel=1e-12)
     sim.step(3.0, push=0.0)
-    assert sim.events[-1].what == "sticks" and sim.events[-1].t == pytest.approx(3.5, rel=1e-12)
+    assert sim.events[-1].transition == "sticks" and sim.events[-1].t == pytest.approx(3.5, rel=1e-12)
     assert sim["s"] == pytest.approx(0.75 + 1.125, rel=1e-12) and sim["rate(s)"] == 0.0
 
 
@@ -181,7 +181,7 @@ def test_a_sphere_slides_and_rolls():
     m.contact("floor", body, C, m.ground, O, radius=0.1, normal=up, friction=0.2)
     sim = ncgen.start(ncgen.compile(m), rtol=1e-11, qd0={"C.x": 5.0, "C.y": 0.0, "D.x": 5.0, "D.y": 0.0})
     stepped(sim, 10, 0.1)
-    assert [each.what for each in sim.events] == ["rests", "sticks"] and sim.events[1].t == pytest.approx(0.72811999417504, rel=1e-9)
+    assert [each.transition for each in sim.events] == ["rests", "sticks"] and sim.events[1].t == pytest.approx(0.72811999417504, rel=1e-9)
     assert sim["rate(C.x)"] == pytest.approx(25 / 7, rel=1e-9)
     assert sim["C.x"] == pytest.approx(3.120514260750172 + (1 - 0.72811999417504) * 25 / 7, rel=1e-9)
 
@@ -201,7 +201,7 @@ def test_steps_with_what_is_held_are_calls_of_c(monkeypatch):
     assert abs(sim["s"]) < 1e-100 and np.max(np.abs(sims["s"])) < 1e-100
     sim.step(1.0, push=2.0), sims.step(1.0, push=[2.0, -3.0])
     assert sim["s"] == pytest.approx(0.5, rel=1e-12) and sims["s"] == pytest.approx([0.5, -1.0], rel=1e-12)
-    assert [each[-1].what for each in (sim.events, *sims.events)] == ["slips"] * 3
+    assert [each[-1].transition for each in (sim.events, *sims.events)] == ["slips"] * 3
 
 
 def test_inputs_that_no_condition_reads_change_nothing_else(monkeypatch):

@@ -42,7 +42,7 @@ def nut() -> ncgen.Kernels:
 def test_it_locks_itself(nut, push, moves):
     """At rest it stays without a push, and until one exceeds that of lifting or lowering, by 1e-9 of it."""
     run = ncgen.simulate(nut, 1.0, p={"push": push * G}, points=2)
-    held = [event.what for event in run.events]
+    held = [event.transition for event in run.events]
     assert ("slips" in held or "sticks" not in held) == bool(moves) and run["P.x"][-1] * moves >= 0
     assert moves or abs(run["P.x"][-1]) < 1e-12
 

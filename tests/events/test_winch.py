@@ -21,7 +21,7 @@ def events(run: Trajectory) -> dict[tuple[str, str], list]:
     found: dict[tuple[str, str], list] = {}
     for each in run.events:
         if each.t > 0:
-            found.setdefault((each.name, each.what), []).append(each)
+            found.setdefault((each.name, each.transition), []).append(each)
     return found
 
 

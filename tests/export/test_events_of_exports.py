@@ -80,7 +80,7 @@ def test_a_ball_bounces(tmp_path):
 def test_a_ball_that_comes_to_rest(tmp_path):
     """The gap is held closed from the time on at which infinitely many bounces end."""
     events, last, counts, stopped, said = run_in_c(ball(), tmp_path, 3.0, flags=f"-O1 {STRICT}")
-    own = [each.t for each in ncgen.simulate(ncgen.compile(ball()), 3.0).events if not each.what]
+    own = [each.t for each in ncgen.simulate(ncgen.compile(ball()), 3.0).events if not each.transition]
     assert [row[0] for row in events] == pytest.approx(own, abs=1e-11) and counts == [len(own)] and not stopped and said == "ok"
     assert last[0] == 3.0 and abs(last[1]) < 1e-15 and last[2] == 0.0
 
@@ -133,7 +133,7 @@ def test_a_ball_in_a_corner(tmp_path):
     _, last, counts, _, said = run_in_c(m, tmp_path, 4.0)
     own = ncgen.simulate(ncgen.compile(m), 4.0)
     assert said == "ok" and last[1:5] == pytest.approx(0.0, abs=1e-12)
-    assert counts == [sum(each.name == name and not each.what for each in own.events) for name in ("floor", "wall")]
+    assert counts == [sum(each.name == name and not each.transition for each in own.events) for name in ("floor", "wall")]
 
 
 def test_a_push_that_changes_between_steps(tmp_path):
@@ -265,14 +265,6 @@ def shared() -> ncgen.Model:
     return m
 
 
-def touching() -> ncgen.Model:
-    m = ncgen.Model("touching")
-    O, C = m.point("O", (0, 0), fixed=True), m.point("C", (0, 1))
-    ball = m.body("ball", [C, m.point("D", (0.1, 1))], mass=1.0, com=(0, 1), inertia=0.004)
-    m.contact("floor", ball, C, m.ground, O, radius=0.1, normal=m.vector("up", (0, 1), fixed=True), friction=0.3)
-    return m
-
-
 def called() -> ncgen.Model:
     m, s = sliding_block("called")
     m.event("seen", when=s - 0.5, do=lambda at, kernels: None)
@@ -283,7 +275,6 @@ def called() -> ncgen.Model:
     ("model", "target", "message"),
     [
         (shared, "c", "shared cannot be exported: the load of friction s.friction is shared with redundant constraints; leave these out"),
-        (touching, "fmu2", "touching cannot be exported: friction of contacts is not exported yet (floor)"),
         (called, "c", "called cannot be exported: event seen calls a Python function"),
         (ball, "casadi", "ball cannot be exported: this export does not support events yet (floor); take c,"),
     ],

@@ -251,7 +251,7 @@ def test_webassembly_is_our_own_run(tmp_path, name):
     model = (MODELS | {"ball": at_rest, "four-bar linkage": linkage})[name]()
     run, end = own_run(model)
     answer = moved(model, tmp_path, end)
-    times = sorted({each.t for each in run.events if 0 < each.t < end and each.what not in ("rests", "leaves")})
+    times = sorted({each.t for each in run.events if 0 < each.t < end and each.transition not in ("rests", "leaves")})
     assert [row[0] for row in answer["found"][:-1]] == pytest.approx(times, rel=1e-9)
     n = run.kernels.n
     for last in (answer["found"][-1], answer["again"]):

@@ -153,7 +153,7 @@ def test_results_go_where_they_should(robot):
 @pytest.mark.parametrize(
     "given, said",
     [
-        ({"q": np.zeros(36)}, r"q has shape \(36,\); a row a state is needed, \(…, 36\)"),
+        ({"q": np.zeros(36)}, r"q has shape \(36,\); one row for each state is needed, \(…, 36\)"),
         ({"q": np.zeros((4, 35))}, r"q has shape \(4, 35\); \(4, 36\) is needed"),
         ({"q": np.zeros((4, 36)), "qd": np.zeros((3, 36))}, r"qd has shape \(3, 36\)"),
         ({"q": np.zeros((4, 36)), "qd": np.zeros((4, 36)), "t": np.zeros(3)}, r"t has shape \(3,\); \(\) or \(4,\)"),

@@ -142,6 +142,7 @@ def test_forces_of_users(kernels, parameters):
         close(kernels.force(q, qd, t, array), along - gradient)
         energy = float(potential(mpmath, x, p))
         close(kernels.energy(q, qd, t, array), np.array([0.0, energy, along @ qd]))
+        close(kernels.values("power", t, q, qd, array), np.array([along @ qd]))
 
 
 def test_angle_about_a_parameter(kernels, parameters):

@@ -229,7 +229,7 @@ def test_sensitivities_are_differences_of_models_with_numbers():
         assert found.q_by[-1][:, k] == pytest.approx(expected, rel=1e-6, abs=1e-7), name
         assert np.max(np.abs(expected)) > 1e-2
         by_sweep = ncgen.gradient(kernels, 0.4, 12, lambda q, qd: (q[-1, 0], _last(q), None), z=("psi",))
-        assert by_sweep.slopes[name] == pytest.approx(expected[0], rel=1e-6, abs=1e-7)
+        assert by_sweep.derivatives[name] == pytest.approx(expected[0], rel=1e-6, abs=1e-7)
 
 
 def _last(q):

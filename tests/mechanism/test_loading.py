@@ -68,7 +68,7 @@ def motions():
     speeds = np.linspace(1.0, 5.0, 5)[:, None]
     many = ncgen.simulate(k, 0.1, zd0=speeds, points=3, rtol=1e-10)
     ends = lambda q, qd: (q[-1, 0], np.r_[np.zeros((len(q) - 1, k.n)), [np.eye(k.n)[0]]], None)
-    slopes = ncgen.gradient(k, 0.1, 20, ends, zd0=speeds).slopes
+    slopes = ncgen.gradient(k, 0.1, 20, ends, zd0=speeds).derivatives
     along = ncgen.sensitivities(k, 0.1, 20, zd0=[1.0]).q_by[-1]
     return many.q[:, -1], slopes, along, k.batch.gamma(np.tile(k.q0, (5, 1)), np.ones((5, k.n)))
 

@@ -13,6 +13,8 @@ from ncgen.emit.runtime_files import explicit_names, ordinary_names, runtime_nam
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism import runtime, runtime_library
 from ncgen.methods.table import AUTO, INTEGRATORS
+from ncgen.solver.engines.acceleration_forms import expected_component
+from ncgen.solver.runs.simulation_options import check_simulation
 
 PROGRAM = """
 import sys
@@ -38,6 +40,25 @@ print(*sorted(set(asked)))
 )
 def test_a_run_takes_the_part_that_it_needs(given, parts):
     assert subprocess.run([sys.executable, "-c", PROGRAM, given], capture_output=True, text=True, check=True).stdout.split() == parts
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ({}, "ordinary"),
+        ({"integrator": "radau"}, "stiff"),
+        ({"formalism": "coordinate-partitioning"}, "explicit"),
+        ({"engine": "c"}, "explicit"),
+        ({"integrator": "rattle", "max_step": 0.01}, "whole"),
+    ],
+)
+def test_the_part_is_known_before_the_kernels_are(options, part):
+    """`ncgen run` compiles it while they are derived: the parts of the runs above, and of a long arm that of loops over tables."""
+    robot, quadruped, arm = ncgen.load("robot"), ncgen.load("quadruped"), example_module("arm").build(21)
+    for model in (robot, quadruped):
+        assert expected_component(model, check_simulation(model, **options)) == part
+    tree = {"ordinary": "ordinary tree", "stiff": "stiff tree"}.get(part, part)
+    assert expected_component(arm, check_simulation(arm, **options)) == tree
 
 
 def test_the_part_without_implicit_methods_is_smaller():

@@ -11,6 +11,7 @@ import pytest
 import sympy
 
 import ncgen
+from ncgen.exchange.toml_writer import to_toml
 
 AXIS = np.array([1.0, 2.0, 2.0]) / 3
 
@@ -149,3 +150,29 @@ def test_gear_and_rack_keep_their_ratio():
     q = ncgen.move(kernels, kernels.q0, {"first": 0.6}).q
     assert np.isclose(q[kernels.index["second"]], np.pi / 2 - 0.2, atol=1e-12)
     assert np.isclose(q[kernels.index["R.x"]], -0.06, atol=1e-12)
+
+
+def pair_of_cranks(ratio):
+    m = ncgen.Model("cranks")
+    z, x = m.vector("z", (0, 0, 1), fixed=True), m.vector("x", (1, 0, 0), fixed=True)
+    O1, O2 = m.point("O1", (0, 0), fixed=True), m.point("O2", (1, 0), fixed=True)
+    A, B = m.point("A", (0.2, 0)), m.point("B", (1.1, 0))
+    m.body("first", [O1, A])
+    m.body("second", [O2, B])
+    first, second = m.angle("first", x, A - O1, z), m.angle("second", x, B - O2, z)
+    m.follow(second, first, ratio)
+    return m, first
+
+
+@pytest.mark.parametrize("ratio", [-1.5, 0.25])
+def test_a_coordinate_follows_another(tmp_path, ratio):
+    """So does it from a model file."""
+    m, first = pair_of_cranks(ratio)
+    (tmp_path / "cranks.toml").write_text(to_toml(m), encoding="utf-8")
+    for model in (m, ncgen.load(tmp_path / "cranks.toml")):
+        kernels = ncgen.compile(model, backend="numpy")
+        q = ncgen.move(kernels, kernels.q0, {"first": 0.6}).q
+        assert q[kernels.index["second"]] == pytest.approx(0.6 * ratio, abs=1e-14)
+        assert q[kernels.index["B.y"]] == pytest.approx(0.1 * np.sin(0.6 * ratio), abs=1e-14)
+    with pytest.raises(ncgen.ModelError, match="tied to itself"):
+        m.follow(first, first, 2.0)

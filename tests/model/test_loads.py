@@ -130,7 +130,7 @@ def test_velocity_constraint_must_be_linear():
     m = ncgen.Model("m")
     A = m.point("A", (0, 0))
     m.constrain_velocity(A.x.rate**2 - 1, "speed")
-    with pytest.raises(ncgen.ModelError, match=r"row 1 \(speed\).*not linear in the rates"):
+    with pytest.raises(ncgen.ModelError, match=r"constraint 1 \(speed\).*not linear in the rates"):
         ncgen.generate(m)
 
 

@@ -114,9 +114,9 @@ MISTAKES = {
 LATE_MISTAKES = {
     "an unknown symbol in a force": (lambda s: s.model.force(s.tip, (sympy.Symbol("breeze"), 0, 0)), ["force on tip", "breeze"]),
     "an unknown symbol in a potential": (lambda s: s.model.potential(sympy.Symbol("hill") ** 2, "slope"), ["slope", "hill"]),
-    "an unknown symbol in a row": (lambda s: s.model.constrain(s.tip.x - sympy.Symbol("gap"), "stop"), ["row 1 (stop)", "gap"]),
+    "an unknown symbol in a row": (lambda s: s.model.constrain(s.tip.x - sympy.Symbol("gap"), "stop"), ["constraint 1 (stop)", "gap"]),
     "an unknown symbol in a law": (lambda s: s.model.drive(s.tip.x, sympy.Symbol("omega") * s.model.time), ["tip.x", "omega"]),
-    "another model's coordinate": (lambda s: s.model.constrain(s.tip.x - s.stranger.x, "tie"), ["row 1 (tie)", "stranger.x"]),
+    "another model's coordinate": (lambda s: s.model.constrain(s.tip.x - s.stranger.x, "tie"), ["constraint 1 (tie)", "stranger.x"]),
     "a centre beside the bar": (
         lambda s: s.model.body("rod", points=[s.tip, s.far], mass=1.0, com=(3, 0.1, 0), inertia="point"),
         ["body rod", "not on the line"],

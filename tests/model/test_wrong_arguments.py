@@ -75,6 +75,7 @@ def calls(s) -> dict[str, dict]:
         "point_on_line": {"a": s.rod, "point": s.B, "start": s.A, "axis": s.u},
         "point_in_plane": {"a": s.rod, "point": s.B, "start": s.A, "normal": s.v, "owner": s.arm},
         "gear": {"first": s.psi, "second": s.phi, "radius_first": 1.0, "radius_second": 2.0},
+        "follow": {"coordinate": s.psi, "other": s.phi, "ratio": 2.0, "offset": 0.1},
         "rack": {"slide": s.s, "angle": s.psi, "radius": 0.1},
         "event": {"name": "new", "when": s.A.x - 1, "direction": "rising", "do": {"k": 1.0}},
         "stop": {
@@ -326,7 +327,7 @@ OTHERS = {
     "an argument too many": (lambda s: s.model.gravity((0, 0, 1), 3), ["gravity", "field"]),
     "an argument misspelt": (lambda s: s.model.point("new", (0, 0), fxed=True), ["point", "fxed", "fixed"]),
     "an argument missing": (lambda s: s.model.revolute("rod", "arm", "A"), ["revolute", "axis"]),
-    "a driver twice": (lambda s: [s.model.drive(s.psi, 1.0), s.model.drive("psi", 2.0)], ["drive psi", "row 9 drives it already"]),
+    "a driver twice": (lambda s: [s.model.drive(s.psi, 1.0), s.model.drive("psi", 2.0)], ["drive psi", "constraint 9 drives it already"]),
     "a driver of what is fixed": (lambda s: s.model.drive(s.O.x, 1.0), ["drive O.x", "fixed"]),
     "a driver of a point": (lambda s: s.model.drive("A", 1.0), ["drive", "three coordinates", "A.x"]),
     "a body joined to itself": (lambda s: s.model.revolute("rod", "rod", "A", "v"), ["body rod", "itself"]),

@@ -7,9 +7,9 @@ import subprocess
 import sys
 
 from ncgen.model.catalogue import ROW_TYPES
-from ncgen.program.ir.catalogued import FILE, catalogued, derived
+from ncgen.program.ir.catalogued import FILE, catalogue, catalogued, derived
 from ncgen.program.ir.lower import LoweredTemplate, lowered
-from ncgen.symbolic.templates import catalogue, expression_row_template, symbols
+from ncgen.symbolic.templates import expression_row_template, symbols
 
 WITHOUT_DERIVATIVES = """
 import sys

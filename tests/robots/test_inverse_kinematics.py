@@ -107,6 +107,7 @@ def test_ways_to_say_a_target(arm):
         assert target[0] is None or np.allclose(turn, rotation, atol=1e-8)
         assert target[1] is None or np.allclose(place, position, atol=1e-8)
     assert arm.inverse_kinematics("tool0", position, rotation) == arm.inverse_kinematics({"tool0": (rotation, position)})
+    assert arm.inverse_kinematics("tool0", place=position) == arm.inverse_kinematics("tool0", position=position)
 
 
 def test_a_target_that_is_reached_at_a_limit_alone(arm):
@@ -192,8 +193,8 @@ def test_what_is_refused(arm):
         (({"tool0": position},), r"^frame tool0: give \(rotation \(3, 3\), position \(3,\) in m\), one of which may be None, and not"),
         (({"tool0": (None, None)},), "^frame tool0: give .rotation"),
         (({"tool0": (2 * rotation, None)},), "^frame tool0: rotation: Rᵀ R is off the unit matrix by 3"),
-        (({},), "^arm: there is nothing to reach; give a point and a place, or {frame: .rotation, position.}"),
-        (({"tool0": (rotation, position)}, tip), "^place, rotation and body are those of a point"),
+        (({},), "^arm: nothing to reach; give a point and a position, or {frame: .rotation, position.}"),
+        (({"tool0": (rotation, position)}, tip), "^position, rotation and body are those of a point"),
         (("tool0",), "^frame tool0: give"),
     ]
     for arguments, message in cases:

@@ -113,7 +113,7 @@ def test_a_gradient_by_the_payload_is_that_of_differences(arm):
         by_q[-1, kernels.index["a"]] = 1.0
         return q[-1, kernels.index["a"]], by_q, None
 
-    slope = ncgen.gradient(kernels, 0.2, 20, height, p=OTHER).slopes["tool0.mass"]
+    slope = ncgen.gradient(kernels, 0.2, 20, height, p=OTHER).derivatives["tool0.mass"]
     step = 1e-3
     ends = [ncgen.gradient(kernels, 0.2, 20, height, p=OTHER | {"tool0.mass": 0.8 + sign * step}).value for sign in (1, -1)]
     assert abs(slope - (ends[0] - ends[1]) / (2 * step)) < 1e-6 * abs(slope)

@@ -52,7 +52,7 @@ def test_a_flat_body_welded_to_the_ground():
 def test_a_weld_that_would_hold_nothing_is_refused():
     m = ncgen.Model("own")
     body = m.body("own", [m.point("a", (0, 0, 0)), m.point("b", (1, 0, 0))], rigid=False)
-    with pytest.raises(ModelError, match="body own has rows of its own"):
+    with pytest.raises(ModelError, match="body own has constraints of its own"):
         m.rigid(body, m.ground)
 
 

@@ -192,7 +192,7 @@ def test_a_free_robot_stays_free(tmp_path):
             lambda: ncgen.load("excavator"),
             "excavator: cylinder lift is no spring or damper of a joint; a file of links and joints cannot say it",
         ),
-        (lambda: ncgen.load("jansen"), "jansen: row driver of psi .* is that of no joint; a file of links"),
+        (lambda: ncgen.load("jansen"), "jansen: constraint driver of psi .* belongs to no joint; a file of links"),
         (lambda: ncgen.load("flyball"), "flyball: spring K1-M1 is no spring or damper of a joint"),
     ],
 )

@@ -77,7 +77,7 @@ def test_a_model_becomes_a_file(tmp_path):
 def test_what_urdf_cannot_say():
     with pytest.raises(ModelError, match=r"joint turn: URDF cannot say a spring; write MJCF \(\.xml\)"):
         robot_text(reach(), ".urdf")
-    with pytest.raises(ModelError, match="robot: row .* closes a loop; a file of links and joints cannot say it, but SDF .* can"):
+    with pytest.raises(ModelError, match="robot: constraint .* closes a loop; a file of links and joints cannot say it, but SDF .* can"):
         robot_text(ncgen.load("robot"), ".urdf")
     with pytest.raises(ModelError, match="cartpole: motor is no spring or damper of a joint; .* leave it out"):
         robot_text(ncgen.load("cartpole"), ".xml")

@@ -101,6 +101,20 @@ def test_velocities_are_projected_with_the_least_kinetic_energy(gripper):
     assert tree.qd == pytest.approx(T @ np.linalg.solve(T.T @ M @ T, T.T @ M @ qd), abs=1e-11)
 
 
+def test_positions_follow_from_measured_joints(gripper):
+    """Joints stay where they are, far from where the run began, too; links, and joints that follow, are where the constraints have them."""
+    turned, rng = {"arm": 0.7, "turn": -1.1, "first": 0.4, "loose": 2.5}, np.random.default_rng(5)
+    places = [gripper.coordinates.index(name) for name in turned]
+    tree = moving(gripper, "tree")
+    tree.q[:], tree.qd[:] = ncgen.assemble(gripper), 0.0
+    for share in np.linspace(0.02, 1.0, 50):
+        tree.q[:] += 1e-3 * rng.uniform(-1, 1, gripper.n) * gripper.column_sizes
+        tree.q[places] = share * np.array(list(turned.values()))
+        assert tree.project_state() == "ok"
+        assert tree.q[places].tolist() == (share * np.array(list(turned.values()))).tolist()
+        assert np.max(np.abs(gripper.phi(tree.q) / gripper.row_sizes)) < 5e-14
+
+
 def test_the_written_out_run_takes_the_same_steps(gripper, monkeypatch):
     monkeypatch.setattr(acceleration_forms, "MOST_RATES", 0)
     tabled = ncgen.simulate(ncgen.compile(gripper.model, backend="c"), 1.0)

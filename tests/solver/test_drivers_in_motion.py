@@ -161,7 +161,10 @@ def test_a_driver_of_a_point_has_a_force():
 def test_drivers_that_share_are_named():
     """Upwards along z, and the rope gets shorter: together they carry the cabin, each its share nobody knows."""
     run = lifted(second=True)
-    with pytest.warns(UserWarning, match="lift: the driver of .* does what other rows do as well; how they share it is arbitrary"):
+    with pytest.warns(
+        UserWarning,
+        match="lift: the driver of .* does what other constraints do as well; how the load is divided between them is arbitrary",
+    ):
         forces = run.driver_forces()
     assert forces["P.z"] - forces["rope"] == pytest.approx(2 * (9.81 + 3.0), abs=1e-9)
 

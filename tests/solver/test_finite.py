@@ -89,10 +89,10 @@ AT_ONCE = {
 
 LATER = {
     "force": (lambda m, A, B, C: m.force(B, (ending(m), 0, 0)), r"force on B is not a number at t = 0\.1\d* s"),
-    "driver": (lambda m, A, B, C: m.drive(B.y, ending(m)), r"row 3 \(.*B\.y.*\) is not a number at t = 0\.1\d* s"),
+    "driver": (lambda m, A, B, C: m.drive(B.y, ending(m)), r"constraint 3 \(.*B\.y.*\) is not a number at t = 0\.1\d* s"),
     "row": (
         lambda m, A, B, C: m.constrain(C.x - B.x + B.x * ending(m), label="guide"),
-        r"row 3 \(guide, .*\) is not a number at t = 0\.1\d* s",
+        r"constraint 3 \(guide, .*\) is not a number at t = 0\.1\d* s",
     ),
     "callback": (lambda m, A, B, C: m.callback(broken), r"callback broken: it must return 4 finite numbers, .* at t = 0\.1"),
 }
@@ -196,7 +196,7 @@ def test_rows_that_are_none_where_a_position_is_sought():
     q = kernels.q0.copy()
     q[kernels.index["C.x"]] = -1.0
     for ask in (ncgen.assemble, ncgen.solve_position):
-        with pytest.raises(DomainError, match=r"row 3 \(own, .*\) is not a number at t = 0 s \(C\.x = -1\)"):
+        with pytest.raises(DomainError, match=r"constraint 3 \(own, .*\) is not a number at t = 0 s \(C\.x = -1\)"):
             ask(kernels, q)
 
 

@@ -71,7 +71,7 @@ def test_positions_are_taken_the_same_way(slider):
     with pytest.raises(ModelError, match="^q: 3 numbers given, 1 needed: M.x$"):
         position(slider, [1, 2, 3])
     with pytest.raises(ModelError, match="^q0: M.x is nan; it must be a finite number$"):
-        position(slider, [np.nan], what="q0")
+        position(slider, [np.nan], label="q0")
 
 
 def test_many_names_are_not_all_listed():

@@ -39,7 +39,7 @@ def variants(kernels, count):
 
 def alone(kernels, p, zd0, integrator="rk4"):
     found = ncgen.gradient(kernels, DURATION, STEPS, objective, integrator=integrator, p=p, zd0=zd0, z="psi")
-    return found.value, np.array(list(found.slopes.values())), tuple(found.slopes)
+    return found.value, np.array(list(found.derivatives.values())), tuple(found.derivatives)
 
 
 @pytest.mark.parametrize("integrator", ["rk4", "dop853"])
@@ -47,12 +47,12 @@ def test_each_is_its_own(kernels, integrator):
     """Values and slopes of 19 variants with their own lengths, which is no number of full vectors, to rounding."""
     p, zd0 = variants(kernels, 19)
     found = ncgen.gradient(kernels, DURATION, STEPS, objective, integrator=integrator, p=p, zd0=zd0, z="psi")
-    assert found.ok.all() and not found.alone.any() and found.slopes.shape == (19, len(kernels.p0) + 2)
+    assert found.ok.all() and not found.alone.any() and found.derivatives.shape == (19, len(kernels.p0) + 2)
     for i in range(19):
         value, slopes, names = alone(kernels, p[i], zd0[i], integrator)
         assert names == found.names
         assert found.values[i] == pytest.approx(value, rel=1e-13)
-        np.testing.assert_allclose(found.slopes[i], slopes, rtol=0, atol=1e-12 * np.max(np.abs(slopes)))
+        np.testing.assert_allclose(found.derivatives[i], slopes, rtol=0, atol=1e-12 * np.max(np.abs(slopes)))
 
 
 def test_bits_do_not_depend_on_company(kernels, monkeypatch):
@@ -66,8 +66,8 @@ def test_bits_do_not_depend_on_company(kernels, monkeypatch):
     monkeypatch.setattr(kernel_batch, "available", lambda: 3)
     monkeypatch.setattr(motions, "TAPED", 1)
     three, few = found(40, 3), found(11, 1)
-    assert np.array_equal(one.slopes, three.slopes) and np.array_equal(one.values, three.values)
-    assert np.array_equal(one.slopes[:11], few.slopes)
+    assert np.array_equal(one.derivatives, three.derivatives) and np.array_equal(one.values, three.values)
+    assert np.array_equal(one.derivatives[:11], few.derivatives)
 
 
 def test_a_state_that_goes_otherwise_has_a_run_of_its_own(kernels, monkeypatch):
@@ -85,8 +85,8 @@ def test_a_state_that_goes_otherwise_has_a_run_of_its_own(kernels, monkeypatch):
     found = ncgen.gradient(kernels, DURATION, STEPS, objective, p=p, zd0=zd0, z="psi")
     assert np.flatnonzero(found.alone).tolist() == [2, 7] and found.ok.all()
     for i in range(12):
-        expected = alone(kernels, p[i], zd0[i])[1] if i in (2, 7) else plain.slopes[i]
-        assert np.array_equal(found.slopes[i], expected)
+        expected = alone(kernels, p[i], zd0[i])[1] if i in (2, 7) else plain.derivatives[i]
+        assert np.array_equal(found.derivatives[i], expected)
 
 
 def test_what_cannot_move_says_why_and_costs_nothing_else(kernels):
@@ -98,14 +98,14 @@ def test_what_cannot_move_says_why_and_costs_nothing_else(kernels):
     p[1, crank], p[4, mass], zd0[6] = 30.0, np.nan, 1e5
     found = ncgen.gradient(kernels, DURATION, STEPS, objective, p=p, zd0=zd0, q0=q0, z="psi")
     assert [found.status[i] == "ok" for i in range(9)] == [i not in (1, 4, 6) for i in range(9)]
-    assert np.isnan(found.slopes[[1, 4, 6]]).all() and np.isnan(found.values[[1, 4, 6]]).all()
+    assert np.isnan(found.derivatives[[1, 4, 6]]).all() and np.isnan(found.values[[1, 4, 6]]).all()
     for i in (1, 4, 6):
         with pytest.raises(ncgen.NcgenError) as refused:
             ncgen.gradient(kernels, DURATION, STEPS, objective, p=p[i], zd0=zd0[i], q0=q0, z="psi")
         assert found.status[i] == str(refused.value) or i != 6
     for i in (0, 8):
-        slopes = ncgen.gradient(kernels, DURATION, STEPS, objective, p=p[i], zd0=zd0[i], q0=q0, z="psi").slopes
-        np.testing.assert_allclose(found.slopes[i], list(slopes.values()), rtol=0, atol=1e-12 * max(map(abs, slopes.values())))
+        slopes = ncgen.gradient(kernels, DURATION, STEPS, objective, p=p[i], zd0=zd0[i], q0=q0, z="psi").derivatives
+        np.testing.assert_allclose(found.derivatives[i], list(slopes.values()), rtol=0, atol=1e-12 * max(map(abs, slopes.values())))
 
 
 def test_progress_and_what_is_raised(kernels):
@@ -234,7 +234,7 @@ def test_states_without_weights_have_rows_and_no_slopes(kernels):
     q, qd = (np.zeros((9, STEPS + 1, kernels.n)) for _ in range(2))
     given = {"q0": ncgen.assemble(kernels), "z": "psi"}
     found = gradients.taped_batch(kernels, DURATION, STEPS, "rk4", p=p, zd0=zd0, **given).sweep(None, rows=(q, qd))
-    assert [word == "ok" for word in found.status] == [i != 4 for i in range(9)] and np.isnan(found.slopes).all()
+    assert [word == "ok" for word in found.status] == [i != 4 for i in range(9)] and np.isnan(found.derivatives).all()
     assert np.isnan(q[4]).all() and np.isnan(qd[4]).all()
     for i in (0, 3, 5, 8):
         own = ncgen.sensitivities(kernels, DURATION, STEPS, p=p[i], zd0=zd0[i], by=[], **given)
@@ -273,6 +273,6 @@ def test_a_number_that_is_none_is_seen_wherever_it_is(rod):
     assert found.alone[-1] != rod
     said = [word.partition(" is not a number")[0] for word in found.status]
     assert said == [*(f"particles: force on P{i // 2}" for i in range(count)), "ok"]
-    assert np.isnan(found.values[:-1]).all() and np.isnan(found.slopes[:-1]).all()
+    assert np.isnan(found.values[:-1]).all() and np.isnan(found.derivatives[:-1]).all()
     np.testing.assert_allclose(last[-1], kernels.q0[:count] + np.sqrt(kernels.p0) * 0.5**2 / 2, rtol=1e-14)
-    np.testing.assert_allclose(found.slopes[-1, :count], 0.5**2 / 4 / np.sqrt(kernels.p0), rtol=1e-13)
+    np.testing.assert_allclose(found.derivatives[-1, :count], 0.5**2 / 4 / np.sqrt(kernels.p0), rtol=1e-13)

@@ -140,8 +140,8 @@ def test_a_parameter_that_moves_a_break(law, integrator, steps, backend, close):
     forward = ncgen.sensitivities(kernels, T, steps, integrator=integrator)
     assert found.value == pytest.approx(wanted["x"], abs=close)
     for name in AT:
-        assert found.slopes[name] == pytest.approx(wanted[name], rel=0, abs=close), name
-    assert list(found.slopes.values()) == pytest.approx(forward.q_by[-1, 0].tolist(), rel=1e-9, abs=1e-11)
+        assert found.derivatives[name] == pytest.approx(wanted[name], rel=0, abs=close), name
+    assert list(found.derivatives.values()) == pytest.approx(forward.q_by[-1, 0].tolist(), rel=1e-9, abs=1e-11)
     assert forward.q[-1, 0] == found.value
 
 
@@ -152,7 +152,7 @@ def test_errors_of_implicit_steps_fall_with_their_square(law, integrator, backen
     """Whatever lies between the instants of the grid."""
     kernels, wanted, off = block(LAWS[law][0], backend), expected(law), []
     for steps in (150, 600):
-        found = ncgen.gradient(kernels, T, steps, end_of, integrator=integrator).slopes
+        found = ncgen.gradient(kernels, T, steps, end_of, integrator=integrator).derivatives
         off.append(max(abs(found[name] - wanted[name]) for name in AT))
     assert off[1] < off[0] / 10
 
@@ -165,9 +165,9 @@ def test_many_motions():
     for k in (0, 1):
         alone = ncgen.gradient(kernels, T, 20, end_of, integrator="dop853", p={"t1": t1[k]})
         assert found.values[k] == alone.value
-        assert found.slopes[k].tolist() == list(alone.slopes.values())
+        assert found.derivatives[k].tolist() == list(alone.derivatives.values())
     assert found.by("t1")[0] == pytest.approx(expected("Heaviside")["t1"], abs=1e-9)
-    assert found.ok.tolist() == [True, True, False] and np.isnan(found.values[2]) and np.all(np.isnan(found.slopes[2]))
+    assert found.ok.tolist() == [True, True, False] and np.isnan(found.values[2]) and np.all(np.isnan(found.derivatives[2]))
     assert "no derivative by t1" in found.status[2]
     assert not np.any(ncgen.gradient(kernels, 0.5, 20, end_of, p={"t1": t1[:2]}).alone)
 
@@ -177,14 +177,14 @@ def test_a_long_run_in_segments_feels_jumps(monkeypatch):
     whole = ncgen.gradient(kernels, T, 40, end_of)
     monkeypatch.setattr(taped, "SEGMENT", 7 * 8 * taped.step_size("rk4", kernels.n))
     parts = ncgen.gradient(kernels, T, 40, end_of)
-    assert parts.slopes == pytest.approx(whole.slopes, rel=1e-12)
+    assert parts.derivatives == pytest.approx(whole.derivatives, rel=1e-12)
     forward = ncgen.sensitivities(kernels, T, 40)
-    assert forward.q_by[-1, 0].tolist() == pytest.approx(list(whole.slopes.values()), rel=1e-11)
+    assert forward.q_by[-1, 0].tolist() == pytest.approx(list(whole.derivatives.values()), rel=1e-11)
 
 
 def test_steps_by_tolerance_feel_jumps():
     found, wanted = ncgen.gradient(block(LAWS["Heaviside"][0]), T, 2, end_of, integrator="dop853", rtol=1e-11), expected("Heaviside")
-    assert [found.value, *found.slopes.values()][:4] == pytest.approx(list(wanted.values()), abs=1e-9)
+    assert [found.value, *found.derivatives.values()][:4] == pytest.approx(list(wanted.values()), abs=1e-9)
 
 
 def of_an_input(t, t1, t2, w, m):
@@ -224,7 +224,7 @@ def test_a_study_is_refused_what_it_asks_for_alone():
     given = {"design": "list", "steps": 20, "duration": T}
     found = ncgen.study(model(LAWS["Heaviside"][0]), {"t1": [T1, 0.0]}, keep=["gradient(s, w)"], **given)
     for k, t1 in enumerate((T1, 0.0)):
-        wanted = ncgen.gradient(block(LAWS["Heaviside"][0]), T, 20, end_of, by="w", p={"t1": t1}).slopes["w"]
+        wanted = ncgen.gradient(block(LAWS["Heaviside"][0]), T, 20, end_of, by="w", p={"t1": t1}).derivatives["w"]
         assert found["gradient(s, w)"][k] == pytest.approx(wanted, rel=1e-12)
     found = ncgen.study(model(LAWS["Heaviside"][0]), {"t1": [0.0]}, keep=["gradient(s, w)", "gradient(s, t1)"], **given)
     assert np.isnan(found["gradient(s, t1)"][0]) and "no gradient: block: there is no derivative by t1, which moves" in str(found.messages)
@@ -234,7 +234,7 @@ def test_a_corner_at_the_start_is_no_jump():
     """Of a mechanism at rest, where all accelerations are rounding: Max(0, t − t₁) Min(w, t₂² − t) by t₁ is −Min(w, t₂² − t)."""
     found = ncgen.gradient(block(LAWS["Max"][0]), T, 20, end_of, integrator="dop853", p={"t1": 0.0})
     wanted = -mpmath.quad(lambda s: mpmath.sin(OMEGA * (T - s)) / OMEGA * min(W, T2**2 - s), [0, T2**2 - W, T])
-    assert found.slopes["t1"] == pytest.approx(float(wanted), abs=1e-9)
+    assert found.derivatives["t1"] == pytest.approx(float(wanted), abs=1e-9)
 
 
 @pytest.mark.parametrize("law", ["Heaviside", "Max"])
@@ -250,7 +250,7 @@ def test_second_derivatives_over_breaks_that_move_smoothly():
     kernels = block(LAWS["smooth_step"][0])
     found = ncgen.hessian(kernels, T, 100, lambda q, qd: (*end_of(q, qd), None))
     for k, name in enumerate(AT):
-        ends = [ncgen.gradient(kernels, T, 100, end_of, p={name: AT[name] + step}).slopes for step in (1e-4, -1e-4)]
+        ends = [ncgen.gradient(kernels, T, 100, end_of, p={name: AT[name] + step}).derivatives for step in (1e-4, -1e-4)]
         wanted = [(ends[0][other] - ends[1][other]) / 2e-4 for other in AT]
         np.testing.assert_allclose(found.products[:3, k], wanted, rtol=0, atol=2e-6)
 

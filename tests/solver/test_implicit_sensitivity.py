@@ -196,7 +196,7 @@ def test_implicit_steps_against_complex_steps(mechanism, method):
     a, b = np.random.default_rng(2).standard_normal((2, STEPS + 1, kernels.n))
     back = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q + b * qd), a, b), **at)
     forward = np.einsum("kn,knd->d", a, found.q_by) + np.einsum("kn,knd->d", b, found.qd_by)
-    np.testing.assert_allclose(list(back.slopes.values()), forward, rtol=0, atol=1e-12 * np.max(np.abs(forward)))
+    np.testing.assert_allclose(list(back.derivatives.values()), forward, rtol=0, atol=1e-12 * np.max(np.abs(forward)))
 
 
 def height(q, qd):
@@ -211,11 +211,11 @@ def test_gradients_of_a_stiff_governor_are_of_order_two(method):
     """Springs of 8e5 N/m, on which rk4 does not get on by 5 ms: against fine explicit steps, a sixteenth of the error by a quarter,
     once steps are short enough for that."""
     kernels = ncgen.compile(ncgen.load("flyball"))
-    truth = ncgen.gradient(kernels, 0.1, 4000, height, integrator="dop853").slopes
+    truth = ncgen.gradient(kernels, 0.1, 4000, height, integrator="dop853").derivatives
     with pytest.raises(ConvergenceError):
         ncgen.gradient(kernels, 0.1, 20, height, integrator="rk4")
     coarse, fine = (
-        max(abs(slope - truth[name]) for name, slope in ncgen.gradient(kernels, 0.1, steps, height, integrator=method).slopes.items())
+        max(abs(slope - truth[name]) for name, slope in ncgen.gradient(kernels, 0.1, steps, height, integrator=method).derivatives.items())
         for steps in (80, 320)
     )
     assert coarse < 1e-4

@@ -63,9 +63,9 @@ def test_an_oscillator_by_every_sample(hold, integrator, close):
     """Against the convolution with its own response: to the error of the steps."""
     found = ncgen.gradient(oscillator(), END, STEPS, end_of, integrator=integrator, inputs={"F": (TIMES, VALUES, hold)})
     np.testing.assert_allclose(found.by_inputs["F"], answers(hold), rtol=0, atol=close * np.max(np.abs(answers(hold))))
-    assert found.slopes["F"] == pytest.approx(found.by_inputs["F"].sum(), rel=1e-12)
+    assert found.derivatives["F"] == pytest.approx(found.by_inputs["F"].sum(), rel=1e-12)
     lift = (1 - np.cos(OMEGA * END)) / (MASS * OMEGA**2)
-    assert found.slopes["F"] == pytest.approx(lift, abs=close)
+    assert found.derivatives["F"] == pytest.approx(lift, abs=close)
 
 
 @pytest.mark.parametrize("integrator", ["dop853", "rk4", "generalized-alpha", "rattle", "energy-momentum", "trapezoidal"])
@@ -102,7 +102,7 @@ def test_a_nonlinear_motion_by_samples_and_by_functions():
         told = {"integrator": method, "inputs": {"tau": lambda t: 3 * np.sin(5 * t)}, **at}
         back, forward = ncgen.gradient(kernels, END, 20, end_of, **told), ncgen.sensitivities(kernels, END, 20, **told)
         assert not back.by_inputs
-        assert list(back.slopes.values()) == pytest.approx(forward.q_by[-1, 0], rel=1e-11)
+        assert list(back.derivatives.values()) == pytest.approx(forward.q_by[-1, 0], rel=1e-11)
     held = ncgen.gradient(kernels, END, 20, end_of, inputs={"tau": 2.0}, **at)
     assert held.value == ncgen.gradient(kernels, END, 20, end_of, p={"tau": 2.0}, **at).value
 
@@ -114,7 +114,7 @@ def test_a_long_driven_run_is_taped_in_segments(monkeypatch):
     monkeypatch.setattr(taped, "SEGMENT", 7 * 8 * taped.step_size("rk4", kernels.n))
     parts = ncgen.gradient(kernels, END, 40, end_of, **at)
     np.testing.assert_allclose(parts.by_inputs["tau"], whole.by_inputs["tau"], rtol=0, atol=1e-13)
-    assert parts.slopes == pytest.approx(whole.slopes, rel=1e-11)
+    assert parts.derivatives == pytest.approx(whole.derivatives, rel=1e-11)
 
 
 def test_second_derivatives_of_a_driven_motion():
@@ -123,7 +123,7 @@ def test_second_derivatives_of_a_driven_motion():
     told = {"tau": (TIMES, VALUES)}
     found = ncgen.hessian(kernels, END, 40, lambda q, qd: (*end_of(q, qd), None), inputs=told, zd0={"psi": 0.3})
     assert found.names == ("tau", "psi", "rate(psi)")
-    ends = [ncgen.gradient(kernels, END, 40, end_of, inputs=told, zd0={"psi": 0.3 + step}).slopes for step in (1e-5, -1e-5)]
+    ends = [ncgen.gradient(kernels, END, 40, end_of, inputs=told, zd0={"psi": 0.3 + step}).derivatives for step in (1e-5, -1e-5)]
     wanted = [(ends[0][name] - ends[1][name]) / 2e-5 for name in found.names]
     np.testing.assert_allclose(found.products[:, 2], wanted, rtol=0, atol=1e-8)
     np.testing.assert_allclose(found.products, found.products.T, rtol=0, atol=1e-12)
@@ -149,5 +149,5 @@ def test_a_stiffness_that_is_an_input_beside_parameters():
     inputs = {name: (TIMES, np.full(len(TIMES), at[symbol])) for name, symbol in (("F", F), ("K", K))}
     found = ncgen.gradient(ncgen.compile(model), END, 40, end_of, integrator="dop853", inputs=inputs)
     assert found.value == pytest.approx(float(closed.subs(at)), rel=1e-11)
-    slopes = [found.by_inputs["F"].sum(), found.by_inputs["K"].sum(), found.slopes["m"]]
+    slopes = [found.by_inputs["F"].sum(), found.by_inputs["K"].sum(), found.derivatives["m"]]
     assert slopes == pytest.approx([float(closed.diff(symbol).subs(at)) for symbol in (F, K, m)], rel=1e-10)

@@ -8,8 +8,26 @@ import numpy as np
 import pytest
 
 import ncgen
+from ncgen.mechanism.program_functions import functions
+from ncgen.program.lines import Lines
+from ncgen.program.motions.multipliers import STATE, AccelerationNodes
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.loads.constraint_loads import multipliers_of, refusal_of_multipliers
+from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
+
+
+def multipliers_of(kernels, rows, by=()):
+    """`multipliers` of some constraints, and `multipliers_by`, their derivatives by inputs, as compiled functions of t, q, q̇ and p."""
+
+    def programs():
+        lines = Lines(kernels.programs.equations)
+        graph, motion = lines.graph, AccelerationNodes(lines, motion_sizes(kernels))
+        changes = [motion.along({graph.load("p", kernels.parameters.index(name)): graph.const(1.0)})[1] for name in by]
+        nodes = {"multipliers": [motion.lam[r] for r in rows], "multipliers_by": [change[r] for r in rows for change in changes]}
+        return {name: lines.program(name, STATE, nodes[name]) for name in sizes}
+
+    sizes = {"multipliers": len(rows)} | ({"multipliers_by": len(rows) * len(by)} if by else {})
+    counts = {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}
+    return functions(kernels, f"multipliers{len(rows)}", dict.fromkeys(sizes, STATE), sizes, counts, programs)
 
 
 def pushed_pendulum():

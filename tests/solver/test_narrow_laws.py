@@ -141,8 +141,8 @@ def test_a_pulse_has_a_gradient(given):
     found = ncgen.gradient(kernels, DURATION, 10, height, **given, p={"at": at, "width": s, "size": size})
     angle = rate * (DURATION - at)
     assert found.value == pytest.approx(math.sin(angle), rel=1e-3)
-    assert found.slopes["size"] == pytest.approx(math.cos(angle) * angle / size, rel=5e-3)
-    assert found.slopes["at"] == pytest.approx(-math.cos(angle) * rate, rel=2e-3) or given["integrator"] == "rk4"
+    assert found.derivatives["size"] == pytest.approx(math.cos(angle) * angle / size, rel=5e-3)
+    assert found.derivatives["at"] == pytest.approx(-math.cos(angle) * rate, rel=2e-3) or given["integrator"] == "rk4"
 
 
 def test_every_pulse_of_a_train_is_felt():

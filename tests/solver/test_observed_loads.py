@@ -146,7 +146,7 @@ def test_two_hinges_share_a_weight_and_say_so():
     with pytest.warns(UserWarning) as said:
         assert run["pull"] == pytest.approx(-10 * GRAVITY / 4, abs=1e-9)
     assert run["weight"] == pytest.approx(10 * GRAVITY, abs=1e-9)
-    words = "door: output low: force(leaf,A).z is not unique (leaf: A.z and B.z share 98.1 N); one of many shares is given"
+    words = "door: output low: force(leaf,A).z is not unique (leaf: A.z and B.z share 98.1 N); one of many possible distributions is given"
     assert [str(each.message) for each in said] == [words]
     sim = ncgen.start(kernels)
     with pytest.warns(UserWarning, match=r"output low: force\(leaf,A\)\.z is not unique"):
@@ -170,7 +170,10 @@ def test_two_drivers_of_one_angle_share_a_couple():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of redundant drivers
         run = ncgen.simulate(ncgen.compile(m, "numpy"), 0.2, **TIGHT)
-    with pytest.warns(UserWarning, match=r"crank: output couple: other rows do what driver\(psi\) does; one of many shares is given"):
+    with pytest.warns(
+        UserWarning,
+        match=r"crank: output couple: other constraints do what driver\(psi\) does; one of many possible distributions is given",
+    ):
         both = run["both"]
     assert np.allclose(both, MASS * GRAVITY * LENGTH / 2 * np.cos(SPEED * run.t), rtol=0, atol=1e-9)
 

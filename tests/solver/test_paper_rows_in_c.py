@@ -62,9 +62,9 @@ def test_kernels_of_numpy_choose_as_well(smooth):
 
 @pytest.mark.parametrize("options", [{"engine": "emitted"}, {"number": "float"}], ids=str)
 def test_what_chooses_nothing_is_refused(paper, options):
-    with pytest.raises(ModelError, match="rod cannot be simulated in C.*: the paper's sine-or-cosine rows choose anew between steps"):
+    with pytest.raises(ModelError, match="rod cannot be simulated in C.*: the paper's sine-or-cosine constraints change between steps"):
         ncgen.simulate(paper, 0.1, points=2, **options)
-    with pytest.raises(ModelError, match="rod cannot be stepped: the paper's sine-or-cosine rows"):
+    with pytest.raises(ModelError, match="rod cannot be stepped: the paper's sine-or-cosine constraints"):
         ncgen.start(paper)
 
 

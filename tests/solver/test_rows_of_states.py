@@ -95,9 +95,9 @@ def test_gradients_of_rows_by_some_names(block):
 
     rows = ncgen.gradient(block, 1.0, 10, way, p={"push": [2.0, 8.0]}, by=("rate(A.x)", "mass"))
     assert rows.names == ("rate(A.x)", "mass")
-    np.testing.assert_allclose(rows.slopes, [[1.0, -0.25], [1.0, -1.0]], rtol=1e-12)
+    np.testing.assert_allclose(rows.derivatives, [[1.0, -0.25], [1.0, -1.0]], rtol=1e-12)
     one = ncgen.gradient(block, 1.0, 10, way, p={"push": 8.0}, by=rows.names)
-    assert [one.slopes[name] for name in rows.names] == pytest.approx(rows.slopes[1].tolist(), rel=1e-12)
+    assert [one.derivatives[name] for name in rows.names] == pytest.approx(rows.derivatives[1].tolist(), rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def test_against_the_variational_equations():
             kernels, DURATION, STEPS, lambda q, qd: (0.0, by_q, by_qd, None), integrator="dop853", zd0={"psi": AT["rate(psi)"]}
         )
         assert found.names == tuple(AT)
-        assert list(found.slopes.values()) == pytest.approx(first[which], rel=1e-10, abs=1e-10)
+        assert list(found.derivatives.values()) == pytest.approx(first[which], rel=1e-10, abs=1e-10)
         np.testing.assert_allclose(found.products, second[which], rtol=0, atol=1e-10 * np.max(np.abs(second[which])))
 
 
@@ -106,7 +106,7 @@ def test_loops_and_drivers(build):
     def gradient(step):
         p, rate = kernels.p0 + step[: len(kernels.p0)], np.array(list(rates.values())) + step[-len(rates) :]
         done = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: objective(q, qd)[:3], p=p, zd0=rate, **at)
-        return np.array(list(done.slopes.values()))
+        return np.array(list(done.derivatives.values()))
 
     along = np.random.default_rng(3).standard_normal(len(found.names))
     along[len(kernels.p0) : -len(rates)] = 0.0  # where z starts is the model's own

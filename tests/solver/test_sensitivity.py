@@ -200,10 +200,10 @@ def test_adjoint_against_complex_steps(case):
     found = ncgen.gradient(
         kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), integrator=method, zd0=rates, z=tuple(rates)
     )
-    assert tuple(found.slopes) == tuple(columns)
+    assert tuple(found.derivatives) == tuple(columns)
     for name, (q, qd) in columns.items():
         wanted = np.sum(a * q.real * q.imag + b * qd.imag) / STEP
-        assert abs(found.slopes[name] - wanted) <= 1e-10 * max(1.0, abs(wanted)), name
+        assert abs(found.derivatives[name] - wanted) <= 1e-10 * max(1.0, abs(wanted)), name
 
 
 def test_many_against_complex_steps(case):
@@ -249,7 +249,7 @@ def test_both_ways_are_the_same_derivative(name):
     forward = ncgen.sensitivities(kernels, DURATION, STEPS)
     back = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q + b * qd), a, b))
     wanted = np.einsum("kn,knd->d", a, forward.q_by) + np.einsum("kn,knd->d", b, forward.qd_by)
-    np.testing.assert_allclose(list(back.slopes.values()), wanted, rtol=1e-11, atol=1e-13 * np.max(np.abs(wanted)))  # some are 0
+    np.testing.assert_allclose(list(back.derivatives.values()), wanted, rtol=1e-11, atol=1e-13 * np.max(np.abs(wanted)))  # some are 0
 
 
 @pytest.mark.parametrize("build", [linkage, mast])
@@ -263,7 +263,7 @@ def test_a_long_run_is_taped_in_segments(build, monkeypatch):
     def found():
         forward = ncgen.sensitivities(kernels, DURATION, STEPS, integrator=method, **at)
         back = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q + b * qd), a, b), integrator=method, **at)
-        return forward, list(back.slopes.values())
+        return forward, list(back.derivatives.values())
 
     whole, back = found()
     monkeypatch.setattr(taped, "SEGMENT", 7 * 8 * taped.step_size(method, kernels.n))
@@ -292,7 +292,7 @@ def test_steps_with_error_control(case):
     a, b = (w[:3] for w in weights(kernels))
     back = ncgen.gradient(kernels, DURATION, 2, lambda q, qd: (np.sum(a * q + b * qd), a, b), integrator="dopri5", rtol=1e-11, **at)
     wanted = np.einsum("kn,knd->d", a, found.q_by) + np.einsum("kn,knd->d", b, found.qd_by)
-    assert list(back.slopes.values()) == pytest.approx(wanted, rel=1e-11)
+    assert list(back.derivatives.values()) == pytest.approx(wanted, rel=1e-11)
     with pytest.raises(ModelError, match="rtol: rk4 does not estimate its error; leave rtol out, or take .*dopri5"):
         ncgen.gradient(kernels, DURATION, 2, lambda q, qd: (0.0, None, None), rtol=1e-8, **at)
 

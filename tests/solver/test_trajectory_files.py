@@ -58,7 +58,7 @@ def test_npz_round_trip(turning, tmp_path):
         for name in ("t", "q", "qd", "qdd", "lam", "work", "p"):
             assert np.array_equal(archive[name], getattr(turning, name)), name
         assert tuple(archive["coordinates"]) == turning.coordinates
-        assert list(archive["rows"]) == [row.label for row in turning.kernels.rows]
+        assert list(archive["constraints"]) == [row.label for row in turning.kernels.rows]
         assert archive["parameters"].size == 0
     assert [p.name for p in path.parent.iterdir()] == ["run.npz"]
 

@@ -109,5 +109,5 @@ def test_a_pin_that_the_ground_guides_is_not_told_apart():
 
 
 def test_bodies_without_a_joint_are_refused():
-    with pytest.raises(ModelError, match="body rod shares no point and no vector with base, and no row ties them"):
+    with pytest.raises(ModelError, match="body rod shares no point and no vector with base, and no constraint connects them"):
         reactions_of(carriage()).wrench("rod", "D", neighbour="base")

@@ -295,7 +295,7 @@ def main() -> None:
     parser.add_argument("what", choices=WAYS, nargs="*")
     parser.add_argument("--count", type=int)
     given = parser.parse_args()
-    for what in given.what or WAYS:
+    for what in given.transition or WAYS:
         function, usual = WAYS[what]
         folder = Path(tempfile.mkdtemp())
         print(f"-- {what}, load {os.getloadavg()[0]:.1f}", flush=True)

@@ -39,7 +39,7 @@ def test_gradients_are_those_of_single_calls(found):
         return q[-1, kernels.index["psi"]], by_q, None
 
     for i, (length, rate) in enumerate(zip(LENGTHS, RATES, strict=True)):
-        own = ncgen.gradient(kernels, 2.0, STEPS, end, p={"length": length}, zd0={"psi": rate}).slopes
+        own = ncgen.gradient(kernels, 2.0, STEPS, end, p={"length": length}, zd0={"psi": rate}).derivatives
         for column, name in (("length", "length"), ("start(rate(psi))", "rate(psi)"), ("mass", "mass"), ("start(psi)", "psi")):
             assert found[f"gradient(psi, {column})"][i] == own[name], column
     plain = ncgen.study(swing(), VARIED, design="list", keep=["psi", "max(psi)"], duration=2.0, rtol=1e-9)

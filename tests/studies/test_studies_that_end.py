@@ -270,8 +270,21 @@ def without(data: bytes, name: str) -> bytes:
     return packed({key: value for key, value in members.items() if key != name})
 
 
+def test_a_folder_of_before_is_read(tmp_path):
+    """Its files call messages and the variants that have them otherwise."""
+    folder, former = tmp_path / "swing", {"message variants": "said of", "message texts": "what was said"}
+    found = small_study.run(str(folder), 100)
+    for file in folder.glob("variants-*.npz"):
+        with np.load(file) as archive:
+            contents = {former.get(name, name): archive[name] for name in archive.files}
+        file.write_bytes(packed(contents))
+    older = ncgen.read(folder)
+    assert older.complete and older.messages == found.messages
+    assert_same(small_study.run(str(folder), 100), found)
+
+
 @pytest.mark.parametrize("damage", [flipped, shortened, without])
-@pytest.mark.parametrize("name", ["psi", "length", "steps", "ok", "what was said"])
+@pytest.mark.parametrize("name", ["psi", "length", "steps", "ok", "message texts"])
 def test_a_damaged_column_is_made_again(tmp_path, damage, name):
     """Whichever it is: its file does not count as done, reading it is refused, and the study makes it again and says so."""
     folder = tmp_path / "swing"
@@ -281,7 +294,7 @@ def test_a_damaged_column_is_made_again(tmp_path, damage, name):
     damaged = ncgen.read(folder)
     assert not damaged.complete
     with pytest.raises(ncgen.NcgenError, match=f"{file.name}: it cannot be read .*; start the study again"):
-        damaged.failures if name == "what was said" else damaged[name]
+        damaged.failures if name == "message texts" else damaged[name]
     with pytest.warns(UserWarning, match=f"a file is not whole, {file.name} .*computed again"):
         assert_same(small_study.run(str(folder), 100), found)
 

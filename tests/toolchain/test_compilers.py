@@ -252,8 +252,8 @@ FAULTS = {
     "writes half": ('"$CC" "$@" && head -c 9000 model.so > half && cat half > model.so', "not whole"),
     "writes an object": ('for word; do case "$word" in *.c) exec "$CC" -c "$word" -o model.so;; esac; done', "cannot be loaded"),
     "crashes": ("kill -SEGV $$", "signal 11"),
-    "hangs": ("sleep 600", "did not end within"),
-    "hangs with children": ("sleep 600 & sleep 600 & wait", "did not end within"),
+    "hangs": ("sleep 600", "was stopped after its limit"),
+    "hangs with children": ("sleep 600 & sleep 600 & wait", "was stopped after its limit"),
     "reads from the terminal": ("cat; exit 1", "refused"),
 }
 WORKS = 'exec "$CC" "$@"'
@@ -340,7 +340,7 @@ def test_wrong_sources_are_no_compilers_fault(cache, said):
 def test_what_hangs_is_ended_with_its_children(scripted, cache, tmp_path):
     """No process is left, whether they heed a polite word or not."""
     scripted(f"trap '' TERM; sleep 600 & echo $! $$ > {tmp_path}/pids; wait")
-    with pytest.raises(CompileError, match="did not end within 3"):
+    with pytest.raises(CompileError, match="was stopped after its limit of 3"):
         build(TINY, find_compiler())
     for pid in (tmp_path / "pids").read_text().split():
         state = Path(f"/proc/{pid}/stat")
@@ -351,15 +351,15 @@ def test_patience_grows_with_the_source(monkeypatch, tmp_path):
     """A second for every thousand bytes, up to hours; how long a compiler is waited for is no more than that."""
     waited = []
 
-    def run(compiler, command, folder, patience):
-        waited.append(patience)
+    def run(compiler, command, folder, time_limit):
+        waited.append(time_limit)
         (folder / LIBRARY).touch()
         return ""
 
     monkeypatch.setattr(compilers, "_run", run)
     for size in (0, 100_000, 10**8):
         monkeypatch.setattr(Path, "write_text", lambda *_, **__: None)
-        compilers.make_library(tmp_path, {"a.c": " " * size}, find_compiler(), (), (), loads=False)
+        compilers.make_library(tmp_path, compilers.Recipe({"a.c": " " * size}, find_compiler(), ()), loads=False)
     assert waited == [3.0, 103.0, compilers.MAX_TIME_LIMIT]
 
 
@@ -386,6 +386,6 @@ def test_zig_is_given_all_sources_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(compilers, "TIME_LIMIT", 60.0)
     (tmp_path / "built").mkdir()
     files = {f"part{k}.c": f"int part{k}(void);\nint part{k}(void) {{ return {k}; }}\n" for k in range(4 * compilers.FEW_SOURCES)}
-    make_library(tmp_path / "built", files, Compiler((str(script),), "zig"), ("-shared", "-fPIC"), ())
+    make_library(tmp_path / "built", compilers.Recipe(files, Compiler((str(script),), "zig"), ("-shared", "-fPIC")))
     library = ctypes.CDLL(str(tmp_path / "built" / LIBRARY))
     assert [getattr(library, f"part{k}")() for k in range(len(files))] == list(range(len(files)))

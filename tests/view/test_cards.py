@@ -100,7 +100,7 @@ def test_what_is_wrong_is_said():
     m.distance(A, B, 1.0)
     m.distance(B, D, 1.5)
     said = words(m._repr_html_())
-    assert "freedoms: open: the mechanism does not close" in said and "2 rows" in said
+    assert "degrees of freedom: open: the mechanism does not close" in said and "2 rows" in said
 
 
 @pytest.mark.parametrize("broken", ["freedom", "inspect", "spots", "sketch", "scene_of", "curves_of_motion"])

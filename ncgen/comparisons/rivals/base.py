@@ -8,7 +8,6 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from cffi import FFI
 
 from ncgen.exchange.examples import example_module, example_names
 from ncgen.mechanism.kernels import Kernels
@@ -19,6 +18,7 @@ from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import Partitions, partitions_for
 from ncgen.toolchain.abi import abi
 from ncgen.toolchain.cache import BuiltLibrary, compiled
+from ncgen.toolchain.loader import opened
 
 KERNELS = ("phi", "phi_q", "gamma")
 
@@ -44,7 +44,7 @@ class Rival:
     """runs: {kernel, or "all" for Φ, Φ_q and γ: run(times)}; values(kernel): its output, in the order of the generated kernel
 
     What computes all kernels at once has runs["all"] only.
-    place: where the loop of a run is, in "C" or "Python"; calls: states that one turn of the loop evaluates
+    language: that of the loop of a run, "C" or "Python"; calls: states that one turn of the loop evaluates
     generation, compilation: seconds until it can be called, each; operations, code (bytes): {kernel: number}
     epsilon: rounding error of its numbers
     """
@@ -52,7 +52,7 @@ class Rival:
     name: str
     runs: dict[str, Run]
     values: Callable[[str], np.ndarray]
-    place: str = "C"
+    language: str = "C"
     calls: int = 1
     generation: float | None = None
     compilation: float | None = None
@@ -67,11 +67,8 @@ def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[
     sizes: how many numbers each kernel writes; symbol: its name in C, with {} for the kernel's
     """
     built = compiled(files)
-    ffi = FFI()
-    ffi.include(abi())
-    for name in sizes:
-        ffi.cdef(f"ncgen_{'velocity' if name == 'gamma' else 'position'}_kernel {symbol.format(name)};")
-    library: Any = ffi.dlopen(str(built.library))  # cffi's stubs know no functions of a library
+    kinds = {name: "velocity" if name == "gamma" else "position" for name in sizes}
+    ffi, library = opened(built.library, "".join(f"ncgen_{kinds[name]}_kernel {symbol.format(name)};" for name in sizes), abi())
     return {name: KernelCall(ffi.addressof(library, symbol.format(name)), size, library) for name, size in sizes.items()}, built
 
 
@@ -93,7 +90,7 @@ def called(
     if set(KERNELS) <= set(functions):
         runs["all"] = repeated(every or all_of_them)
     return Rival(
-        name=name, runs=runs, values=values or (lambda k: functions[k]()), place="Python", generation=generation, compilation=compilation
+        name=name, runs=runs, values=values or (lambda k: functions[k]()), language="Python", generation=generation, compilation=compilation
     )
 
 

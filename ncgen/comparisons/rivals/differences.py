@@ -29,10 +29,10 @@ def rivals(kernels: Kernels, complex_kernels: Kernels, inputs: Inputs, names: Se
         "complex step, NumPy": (complex_step, complex_kernels),
     }
     tools = []
-    for name, (slope, used) in ways.items():
+    for name, (derivative, used) in ways.items():
         functions = {
-            "phi_q": lambda slope=slope, used=used: jacobian(slope, lambda x: used.phi(x, inputs.t, inputs.p), inputs.q),
-            "gamma": lambda slope=slope, used=used: -slope(_rate(used, inputs), inputs.q, inputs.qd),
+            "phi_q": lambda derivative=derivative, used=used: jacobian(derivative, lambda x: used.phi(x, inputs.t, inputs.p), inputs.q),
+            "gamma": lambda derivative=derivative, used=used: -derivative(_rate(used, inputs), inputs.q, inputs.qd),
         }
         functions = {k: f for k, f in functions.items() if k in names}
         tools.append(called(name, functions, lambda k, functions=functions: nonzeros(kernels, k, functions[k]())))
@@ -43,9 +43,9 @@ def _rate(kernels: Kernels, inputs: Inputs) -> Function:
     return lambda x: kernels.jacobian(x, inputs.t, inputs.p) @ inputs.qd
 
 
-def jacobian(slope: Slope, function: Function, x: np.ndarray) -> np.ndarray:
+def jacobian(derivative: Slope, function: Function, x: np.ndarray) -> np.ndarray:
     """∂function/∂x, column by column."""
-    return np.column_stack([slope(function, x, unit) for unit in np.eye(len(x))])
+    return np.column_stack([derivative(function, x, unit) for unit in np.eye(len(x))])
 
 
 def forward(function: Function, x: np.ndarray, direction: np.ndarray) -> np.ndarray:

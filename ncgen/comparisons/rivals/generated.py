@@ -36,8 +36,8 @@ def at_once(kernels: CompiledKernels, inputs: Inputs) -> list[Rival]:
     function = KernelCall(kernels.function("constraints"), program.size, kernels)
     run = runner(inputs.t, inputs.q, inputs.qd, inputs.p, [], function)
     ends = np.cumsum([kernels.programs.programs[k].size for k in KERNELS])
-    part: dict[str, np.ndarray] = dict(zip(KERNELS, np.split(np.arange(function.size), ends[:-1]), strict=True))
-    return [Rival(name="generated C, all at once", runs={"all": run}, values=lambda k: (run(1), function.out[part[k]])[1])]
+    positions: dict[str, np.ndarray] = dict(zip(KERNELS, np.split(np.arange(function.size), ends[:-1]), strict=True))
+    return [Rival(name="generated C, all at once", runs={"all": run}, values=lambda k: (run(1), function.out[positions[k]])[1])]
 
 
 def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
@@ -110,7 +110,7 @@ def batch(kernels: CompiledKernels, inputs: Inputs, names: Sequence[str]) -> Riv
         return lambda: kernels.batch.values(k, inputs.t, q, qd, inputs.p, out[k])
 
     runs = {k: repeated(function(k)) for k in names}
-    return Rival(name=f"generated C, batch of {STATES}", runs=runs, values=lambda k: function(k)()[0], place="Python", calls=STATES)
+    return Rival(name=f"generated C, batch of {STATES}", runs=runs, values=lambda k: function(k)()[0], language="Python", calls=STATES)
 
 
 def code_bytes(library: Path, prefix: str, names: Iterable[str]) -> dict[str, int]:

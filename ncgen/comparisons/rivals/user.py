@@ -91,8 +91,8 @@ def _check(text: str, function: object, names: tuple[str, ...]) -> None:
     """Refuse what was not written for this: no function, one of Python's own, or one with other arguments."""
     call = f"f({', '.join(names)})"
     if not callable(function) or inspect.isclass(function) or inspect.isbuiltin(function):
-        what = "a built-in function" if inspect.isbuiltin(function) else f"a {type(function).__name__}"
-        raise ModelError(f"--with {text}: it is {what}; give a Python function of your own, {call}")
+        kind = "a built-in function" if inspect.isbuiltin(function) else f"a {type(function).__name__}"
+        raise ModelError(f"--with {text}: it is {kind}; give a Python function of your own, {call}")
     try:
         inspect.signature(function).bind(*names)
     except (TypeError, ValueError) as error:

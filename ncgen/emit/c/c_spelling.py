@@ -41,9 +41,9 @@ class C(Spelling):
         return f"const ncgen_real {new.name} = {_splat(new.value) if is_number else new.value};"
 
     def store(self, store: Store | TableStore, value: str, block: Block) -> str:
-        place = store.index if isinstance(store, Store) else self.tables.place(store.table).infix
+        index = store.index if isinstance(store, Store) else self.tables.place(store.table).infix
         value = _splat(value) if block.ops[store.node].code == "const" else value
-        return f"{store.array}[{place}] {'+=' if store.accumulate else '='} {value};"
+        return f"{store.array}[{index}] {'+=' if store.accumulate else '='} {value};"
 
     def kernel(self, program: Program) -> Record:
         program = cut(program)
@@ -73,9 +73,9 @@ class C(Spelling):
         """Where the angles of a program lie: one after the other in q, or anywhere."""
         if not angles:
             return {"count": 0}
-        place = self.tables.place(angles)
-        together = place.table is None and (place.step == 1 or len(angles) == 1)
-        return {"count": len(angles), "first": place.offset if together else None, "place": place.infix}
+        position = self.tables.place(angles)
+        together = position.table is None and (position.step == 1 or len(angles) == 1)
+        return {"count": len(angles), "first": position.offset if together else None, "place": position.infix}
 
 
 def number(value: float) -> str:

@@ -63,7 +63,7 @@ def type_program(template: Template) -> Program:
     if has_mass(template):
         wanted += [TemplateOutput("mass", (k, l)) for k in range(count) for l in range(count)]
     nodes = [made.get(output, graph.const(0.0)) for output in wanted]
-    words = {graph.load(*place): name for name, place in names.items()}
+    words = {graph.load(*element): name for name, element in names.items()}
     stores = tuple(Store(array="out", index=k, node=node) for k, node in enumerate(nodes))
     block = finish(Straight(tuple(graph.ops), stores, words, f"{template.key}: {template.equation}"))
     return share_angles(

@@ -62,16 +62,16 @@ class NumPy(Spelling):
 
     def _subscript(self, table: tuple[int, ...]) -> str:
         """The places of all runs."""
-        place = self.tables.place(table)
-        if place.table:
-            return place.table if not place.offset else f"{place.table} + {place.offset}".replace("+ -", "- ")
-        if place.step == 0:
-            return f"{place.offset}, None"
-        stop = place.offset + place.step * len(table)
-        if place.step > 0:
-            return f"{place.offset}:{stop}" if place.step == 1 else f"{place.offset}:{stop}:{place.step}"
-        return f"{place.offset}:{stop if stop >= 0 else ''}:{place.step}"
+        position = self.tables.place(table)
+        if position.table:
+            return position.table if not position.offset else f"{position.table} + {position.offset}".replace("+ -", "- ")
+        if position.step == 0:
+            return f"{position.offset}, None"
+        stop = position.offset + position.step * len(table)
+        if position.step > 0:
+            return f"{position.offset}:{stop}" if position.step == 1 else f"{position.offset}:{stop}:{position.step}"
+        return f"{position.offset}:{stop if stop >= 0 else ''}:{position.step}"
 
 
-def _set(store: Store | TableStore, place: str, value: str) -> str:
-    return f"{store.array}[..., {place}] {'+=' if store.accumulate else '='} {value}"
+def _set(store: Store | TableStore, subscript: str, value: str) -> str:
+    return f"{store.array}[..., {subscript}] {'+=' if store.accumulate else '='} {value}"

@@ -41,8 +41,8 @@ def called(program: Program) -> set[str]:
 
 def _angles(angles: tuple[int, ...]) -> Loop:
     """The loop that fills the shared arrays: a pseudo-operation that writes both."""
-    places = tuple(range(len(angles)))
-    sine, cosine = (TableStore(array, places, 1) for array in SHARED.values())
+    indices = tuple(range(len(angles)))
+    sine, cosine = (TableStore(array, indices, 1) for array in SHARED.values())
     return Loop(count=len(angles), ops=(Op("slot", (), 0), Op(SINCOS, (0,))), slots=(Slot("q", angles),), stores=(sine, cosine))
 
 
@@ -115,8 +115,8 @@ class _Body:
 
     def _table(self, pieces: Pieces) -> bytes:
         """What a lookup is given behind its argument."""
-        places = map(self.memory.numbers, (pieces.knots, pieces.numbers))
-        tables = [TABLES + I32_CONST + signed(place) + I32_ADD for place in places]
+        addresses = map(self.memory.numbers, (pieces.knots, pieces.numbers))
+        tables = [TABLES + I32_CONST + signed(address) + I32_ADD for address in addresses]
         sizes = [I32_CONST + signed(number) for number in (len(pieces.knots), pieces.degree)]
         return b"".join([*tables, *sizes]) + F64_CONST + double(pieces.period)
 

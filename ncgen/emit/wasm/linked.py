@@ -48,8 +48,8 @@ def linked_module(
     imports += [Import(LINK, f"ncgen_linked_{name}", RUNTIME[name]) for name in sorted(names & RUNTIME.keys())]
     numbers_of = {name: k for k, name in enumerate([*sorted(names - RUNTIME.keys()), *sorted(names & RUNTIME.keys())])}
     functions = [function(program, prefix, memory, numbers_of) for program in programs]
-    places = memory.integers(integers), memory.numbers(tuple(numbers))
-    return Linked(linked(imports, functions, memory.data, custom), len(memory.data), memory.size, *places)
+    addresses = memory.integers(integers), memory.numbers(tuple(numbers))
+    return Linked(linked(imports, functions, memory.data, custom), len(memory.data), memory.size, *addresses)
 
 
 def _rooms(programs: list[Program]) -> dict[str, int]:

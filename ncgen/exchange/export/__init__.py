@@ -15,7 +15,7 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 from ncgen.errors import ModelError
-from ncgen.files import output_was, path_of, write_bytes
+from ncgen.files import argument_was, path_of, write_bytes
 from ncgen.model.model import checked_model
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def _package(model: Model, events: bool) -> Package:
     return package(model, events)
 
 
-@output_was("folder")
+@argument_was("folder")
 def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] = ()) -> list[Path]:
     """Write a mechanism for use without ncgen.
 
@@ -66,7 +66,7 @@ def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] =
     """
     if to not in targets():
         raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(targets())}")
-    place = path_of(output, "folder")
+    folder = path_of(output, "folder")
 
     model, target = checked_model(model), import_module(f"{__name__}.{to}{END}")
     more = {"platforms": platforms} if platforms else {}
@@ -77,4 +77,4 @@ def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] =
     whole = hasattr(target, "files_of")
     files = target.files_of(model) if whole else target.files(_package(model, getattr(target, "HAS_EVENTS", False)), **more)
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
-    return [write_bytes(place / name, data) for name, data in contents.items()]
+    return [write_bytes(folder / name, data) for name, data in contents.items()]

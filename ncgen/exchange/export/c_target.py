@@ -53,8 +53,8 @@ def single_header(package: Package) -> str:
         return re.sub(r'^#include "([^"]+)"\n', inserted, code[name], flags=re.MULTILINE)
 
     headers = "".join(flat(name) for name in package.public if name not in included and not included.add(name))
-    own = [name for name in code if name.endswith(".c") and name not in runtime]
-    bodies = "\n".join([*map(flat, runtime), *(f"#undef R\n{flat(name)}" for name in own), "#undef R\n"])
+    generated = [name for name in code if name.endswith(".c") and name not in runtime]
+    bodies = "\n".join([*map(flat, runtime), *(f"#undef R\n{flat(name)}" for name in generated), "#undef R\n"])
     return render("package/c/single.h.jinja", **package.records, headers=headers, bodies=bodies)
 
 

@@ -138,7 +138,7 @@ def _directions(function: StateFunction) -> dict[str, object]:
     """How a Jacobian is found by directions: how many numbers change, and where every change belongs, −1 for nowhere."""
     along, offset = function.along, 0
     assert along is not None, f"{function.name} is written out"
-    places: dict[tuple[int, int], int] = {}
+    offsets: dict[tuple[int, int], int] = {}
     row_start = 0
     read = [a.name for a in along.inputs if a.is_read]
     starts = dict(zip(read, accumulate((a.size for a in along.inputs if a.is_read), initial=0), strict=False))
@@ -146,11 +146,11 @@ def _directions(function: StateFunction) -> dict[str, object]:
     for result in along.results:
         for argument, block in zip(along.inputs, results, strict=False):
             for row, column in block.places:
-                places[starts[argument.name] + column, row_start + row] = offset
+                offsets[starts[argument.name] + column, row_start + row] = offset
                 offset += 1
         row_start += result.shape[0]
     variables, rows = len(along.variables), row_start
-    table = [places.get((k, r), -1) for k in range(variables) for r in range(rows)]
+    table = [offsets.get((k, r), -1) for k in range(variables) for r in range(rows)]
     groups = [
         {"name": a.name, "start": starts[a.name], "size": a.size, "blocks": [o * len(along.inputs) + i for o in range(len(along.results))]}
         for i, a in enumerate(along.inputs)

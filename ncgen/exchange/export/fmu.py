@@ -25,6 +25,7 @@ from ncgen.model.bodies import Body, load_names
 from ncgen.model.elements import AXES, Spatial, Vector
 from ncgen.model.values import Input, Parameter
 from ncgen.program.motions.full_loads import loaded_elements
+from ncgen.solver.events.event_table import EventTable
 from ncgen.toolchain.cache import build, compiled
 from ncgen.toolchain.compilers import zig
 
@@ -76,7 +77,7 @@ class Group:
     """Variables that stand together: name in C, what they are, and where the first one stands."""
 
     name: str
-    what: str
+    heading: str
     first: int
     variables: list[Variable]
 
@@ -135,22 +136,10 @@ def _groups(package: Package) -> list[Group]:
     q, rate, work = 1, 1 + n, 1 + 2 * n  # where the states stand
 
     loaded = loaded_elements(package.sources.programs.equations) if package.loads else []
-    events, changed = package.events.names if package.events else [], package.events.changed if package.events else frozenset()
-    conditions = [
-        Variable(name=f"condition({name})", unit="", description=f"condition of event {name}", causality="local") for name in events
-    ]
-    conditions += [
-        Variable(
-            name=f"load({name})", unit="N", description=f"condition of event {name}: what its load has left, 1 where it is not held",
-            causality="local",
-        )
-        for name in (package.events.loads if package.events else ())
-    ]  # fmt: skip
-    attributes = {"causality": "output", "variability": "discrete", "initial": "exact", "start": 0.0}
-    counts = [Variable(name=f"count({name})", unit="", description=f"how often event {name} has happened", **attributes) for name in events]
+    changed = package.events.changed if package.events else frozenset()
 
-    def state(name: str, unit: str, what: str, start: float) -> Variable:
-        return Variable(name=name, unit=unit, description=what, initial="approx", start=float(start))
+    def state(name: str, unit: str, description: str, start: float) -> Variable:
+        return Variable(name=name, unit=unit, description=description, initial="approx", start=float(start))
 
     lists = {
         "TIME": ("time", [Variable(name="time", unit="s", description="time", causality="independent", initial=None)]),
@@ -185,21 +174,50 @@ def _groups(package: Package) -> list[Group]:
             [Variable(name=f"multiplier({i})", unit="", description=f"multiplier of row {i}: {r.label} ({r.owner})") for i, r in rows],
         ),
         "LOAD": ("joint loads", [v for load in loaded for v in _load(*load)]),
-        **({"CONDITION": ("conditions of events", conditions), "COUNT": ("how often events have happened", counts)} if events else {}),
+        **(_event_variables(package.events) if package.events and package.events.names else {}),
         "OUTPUT": (
             "outputs of the model",
             [Variable(name=o.label, unit=o.unit, description=f"output {o.label}") for o in kernels.model.outputs.values()],
         ),
         "P": ("parameters, then inputs", [_given(p, float(x), p.name in changed) for p, x in parameters]),
     }
+    return _in_order(lists)
+
+
+def _in_order(lists: dict[str, tuple[str, list[Variable]]]) -> list[Group]:
+    """Groups one after the other; an output that is called like another variable is marked as one."""
     taken = [v.name for name, (_, variables) in lists.items() if name != "OUTPUT" for v in variables]
-    what, outputs = lists["OUTPUT"]
-    lists["OUTPUT"] = what, [replace(v, name=f"output({v.name})") if v.name in taken else v for v in outputs]
+    heading, outputs = lists["OUTPUT"]
+    lists["OUTPUT"] = heading, [replace(v, name=f"output({v.name})") if v.name in taken else v for v in outputs]
     groups, first = [], 0
-    for name, (what, variables) in lists.items():
-        groups.append(Group(name, what, first, variables))
+    for name, (heading, variables) in lists.items():
+        groups.append(Group(name, heading, first, variables))
         first += len(variables)
     return groups
+
+
+def _event_variables(events: EventTable) -> dict[str, tuple[str, list[Variable]]]:
+    """Conditions of events, loads of what is held among them, and counts."""
+    conditions = [
+        Variable(name=f"condition({name})", unit="", description=f"condition of event {name}", causality="local")
+        for name in events.condition_names
+    ]
+    squares = {each.name for each in events.holdables if each.sticks}
+    left = "what its load has left, 1 where it is not held"
+    conditions += [
+        Variable(
+            name=f"load({name})",
+            unit="" if name in squares else "N",
+            description=f"condition of event {name}: {left}",
+            causality="local",
+        )
+        for name in events.loads
+    ]
+    attributes = {"causality": "output", "variability": "discrete", "initial": "exact", "start": 0.0}
+    counts = [
+        Variable(name=f"count({name})", unit="", description=f"how often event {name} has happened", **attributes) for name in events.names
+    ]
+    return {"CONDITION": ("conditions of events", conditions), "COUNT": ("how often events have happened", counts)}
 
 
 def _given(parameter: Parameter, default: float, changes: bool) -> Variable:
@@ -241,7 +259,7 @@ def others(platforms: Sequence[str], version: int) -> list[Platform]:
         if name not in known:
             raise ModelError(f"platforms: {name} is unknown to fmu{version}; choose among {', '.join(known)}")
     if platforms and not importlib.util.find_spec("ziglang"):
-        raise NcgenError("platforms: units for other machines are compiled by the package ziglang; run pip install 'ncgen[export]'")
+        raise NcgenError("platforms: FMUs for other platforms are compiled with the package ziglang; run pip install 'ncgen[export]'")
     named = [PLATFORMS[name] for name in dict.fromkeys(platforms)]
     return [platform for platform in named if platform.folders[version] != _platform(version)]
 

@@ -33,10 +33,10 @@ GROUPS = {"position": "places", "mass": "masses", "inertia": "masses"}
 
 def files_of(model: Model) -> dict[str, str]:
     """{file name: text}: the page alone, in which the model's own parameters come first and its other numbers can be turned, too."""
-    return _files(package(turnable(model), events=True), own=tuple(model.numbers))
+    return _files(package(turnable(model), events=True), named=tuple(model.numbers))
 
 
-def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
+def _files(package: Package, named: tuple[str, ...]) -> dict[str, str]:
     model, scene = package.kernels.model, scene_of(package.kernels.model)
     drawn = _drawn(model, scene)
     fixed = [c for element in drawn for c in element.components if c.fixed]
@@ -45,10 +45,10 @@ def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
     kernels += assemble_loads(equations)[:1]
     made, records = assembled(package, kernels, "Mechanism")
     data = _scene(scene, drawn) | _mechanism(package) | {"places": _places(package, drawn, fixed), "kernels": [k.name for k in kernels]}
-    data["rows"] = [_row(model, row, own) for row in package.kernels.rows]
+    data["rows"] = [_row(model, row, named) for row in package.kernels.rows]
     _check_ranges(model)
     kept = package.events.own if package.events else ()
-    data |= {"parameters": [_parameter(model, name, own) | ({"group": ""} if name in kept else {}) for name in model.numbers]}
+    data |= {"parameters": [_parameter(model, name, named) | ({"group": ""} if name in kept else {}) for name in model.numbers]}
     data |= {"movable": _movable(model), "loads": _loads(equations, scene)}
     script = render("package/html/script.js.jinja", wrapper=render("package/wasm/wrapper.js.jinja", **records))
     page = render(
@@ -84,9 +84,9 @@ def _scene(scene: Scene, drawn: list[Spatial]) -> dict:
 
 def _places(package: Package, drawn: list[Spatial], fixed: list[Component]) -> list[list[int]]:
     """Where the components of what is drawn stand: in q, or from n on among the fixed ones."""
-    place = {component: package.kernels.n + k for k, component in enumerate(fixed)}
-    place |= package.sources.programs.equations.index
-    return [[place[component] for component in element.components] for element in drawn]
+    index = {component: package.kernels.n + k for k, component in enumerate(fixed)}
+    index |= package.sources.programs.equations.index
+    return [[index[component] for component in element.components] for element in drawn]
 
 
 def _mechanism(package: Package) -> dict:
@@ -114,13 +114,13 @@ def _freedom(package: Package) -> str:
     return f"{text}. Others imply {', '.join(names)}: how joint forces are shared is not determined."
 
 
-def _parameter(model: Model, name: str, own: tuple[str, ...]) -> dict:
+def _parameter(model: Model, name: str, named: tuple[str, ...]) -> dict:
     """Unit of a parameter, the group of sliders that it belongs to, and the ends of its slider where the model says them."""
     ends = model.drawing.ranges.get(name)
-    if name in own or ends:
+    if name in named or ends:
         group = "inputs" if name in model.inputs else "parameters"
     else:
-        group = GROUPS.get(next((part for part in name.split(".") if part in GROUPS), ""), "others")
+        group = GROUPS.get(next((word for word in name.split(".") if word in GROUPS), ""), "others")
     return {"unit": model.numbers[name].unit, "group": group} | ({"range": ends} if ends else {})
 
 
@@ -152,10 +152,10 @@ def _pattern(pattern: Pattern) -> dict:
     return {"indptr": pattern.indptr, "indices": pattern.indices}
 
 
-def _row(model: Model, row: Row, own: tuple[str, ...]) -> dict:
+def _row(model: Model, row: Row, named: tuple[str, ...]) -> dict:
     """A row in the user's words, the elements that it speaks of, and the bodies that it belongs to.
 
-    own: the model's own parameters; constants that follow from other ones are left out
+    named: the model's own parameters; constants that follow from other ones are left out
     """
     elements = _elements(model, row)
     bodies = list(model.bodies.values())
@@ -164,7 +164,7 @@ def _row(model: Model, row: Row, own: tuple[str, ...]) -> dict:
     return {
         "label": row.label,
         "owner": str(row.owner),
-        "text": _without(row.equation, [name for name in model.numbers if name not in own]),
+        "text": _without(row.equation, [name for name in model.numbers if name not in named]),
         "elements": [element.name for element in elements],
         "bodies": [bodies[i].name for i in owners],
         "touched": [bodies[i].name for i in sharing],
@@ -174,7 +174,7 @@ def _row(model: Model, row: Row, own: tuple[str, ...]) -> dict:
 def _without(equation: str, names: list[str]) -> str:
     """A row's text without those of its constants, ", L = ...", that are written in some parameters."""
     parts = re.split(r", (?=\w+ = )", equation)
-    return ", ".join(part for part in parts if not any(name in part for name in names))
+    return ", ".join(constant for constant in parts if not any(name in constant for name in names))
 
 
 def _elements(model: Model, row: Row) -> list[Element]:

@@ -18,7 +18,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines
 from ncgen.program.tree.joint_programs import POSITION, Made
-from ncgen.program.tree.tree_motion import TreePlace
+from ncgen.program.tree.tree_motion import TreeGeometry
 from ncgen.solver.joints.joint_loops import JointsInLoops
 from ncgen.solver.joints.joint_space import JointSpace, joint_space
 
@@ -44,7 +44,7 @@ def files_of(model: Model) -> dict[str, str]:
     space = joint_space(kernels)
     prefix = prefix_of(kernels.name)
     frames = {name: frame for name, frame in model.frames.items() if frame.is_output}
-    programs = [program for what in PARTS for program in space.made(what).values()]
+    programs = [program for group in PARTS for program in space.made(group).values()]
     records = {
         **program_records([*programs, *([_poses(space, frames)] if frames else [])], prefix, "joints"),
         "version": __version__,
@@ -79,15 +79,15 @@ def _poses(space: JointSpace, frames: Mapping[str, BodyFrame]) -> Program:
     """joint_frames(t, q, p) -> of every frame its position, and its rotation row by row: 12 numbers."""
     model, equations = space.kernels.model, space.kernels.programs.equations
     lines = Lines(equations)
-    place, outputs = TreePlace(lines, space.tree), list[int]()
+    tree, outputs = TreeGeometry(lines, space.tree), list[int]()
     for frame in frames.values():
         if frame.body == model.ground.name:
             numbers = [*frame.position, *frame.rotation.ravel()]
             outputs += [lines.graph.const(float(number)) for number in numbers]
             continue
         origin, axes = carried(model, frame)
-        columns = [place.combined(axis) for axis in axes]
-        outputs += [*place.combined(origin), *(columns[j][i] for i in range(3) for j in range(3))]
+        columns = [tree.combined(axis) for axis in axes]
+        outputs += [*tree.combined(origin), *(columns[j][i] for i in range(3) for j in range(3))]
     program = lines.program("joint_frames", POSITION, outputs)
     verify(program, {"t": 1, "q": space.kernels.n, "p": len(equations.parameters)})
     return program
@@ -108,7 +108,7 @@ def _points(space: JointSpace) -> list[dict[str, object]]:
     kernels, paths = space.kernels, space.tree.paths
     elements = kernels.model.elements.values()
     points = [e for e in elements if isinstance(e, Point) and not any(c.fixed for c in e.components) and e in space.tree.home]
-    places = labels([e.name for e in points])
+    names = labels([e.name for e in points])
     return [
         {
             "name": e.name,
@@ -116,5 +116,5 @@ def _points(space: JointSpace) -> list[dict[str, object]]:
             "place": kernels.index[e.x.name],
             "moves": [int(k in paths[space.tree.home[e]]) for k in range(space.tree.dof)],
         }
-        for e, c in zip(points, places, strict=True)
+        for e, c in zip(points, names, strict=True)
     ]

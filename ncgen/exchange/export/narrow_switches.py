@@ -89,12 +89,12 @@ def _base(graph: Graph, node: int, degrees: Mapping[int, float]) -> int | None:
 
 def _argument(graph: Graph, law: int, base: int, defaults: Mapping[ArrayElement, float]) -> Argument | None:
     """The argument of a polynomial g, which a law is a function of; None where its vertex is a parameter and no factor of the law."""
-    slope = slope_in_time(graph, base)
-    assert slope is not None, "a narrow law's argument does not depend on time"
-    curvature = slope_in_time(graph, slope)
+    derivative = slope_in_time(graph, base)
+    assert derivative is not None, "a narrow law's argument does not depend on time"
+    curvature = slope_in_time(graph, derivative)
     if curvature is None:
         return Argument(base)
-    top = graph.neg(graph.div(graph.replaced(slope, {TIME: graph.const(0.0)}), curvature))
+    top = graph.neg(graph.div(graph.replaced(derivative, {TIME: graph.const(0.0)}), curvature))
     peak = graph.replaced(base, {TIME: top})
     bends, vertices = (np.array([_number(graph, node, defaults, factor) for factor in FACTORS]) for node in (curvature, peak))
     if np.ptp(vertices) <= ROUNDING_TOLERANCE * (1.0 + abs(vertices[0])):
@@ -108,7 +108,7 @@ def _argument(graph: Graph, law: int, base: int, defaults: Mapping[ArrayElement,
     if not np.all(np.abs(signs) == 1.0) or np.ptp(signs):
         return None
     size = graph.call("abs", graph.mul(curvature, scale))
-    return Argument(graph.div(slope, graph.call("sqrt", graph.mul(graph.const(2.0), size))), float(signs[0]), vertex)
+    return Argument(graph.div(derivative, graph.call("sqrt", graph.mul(graph.const(2.0), size))), float(signs[0]), vertex)
 
 
 def _number(graph: Graph, node: int, defaults: Mapping[ArrayElement, float], factor: float) -> float:
@@ -144,14 +144,14 @@ def _changes_with(graph: Graph, node: int, degrees: Mapping[int, float], known: 
 
 def _knots(graph: Graph, law: int, base: int, argument: Argument, period: float) -> list[float]:
     """The numbers u, rounded to six digits so that they are the same on every machine."""
-    own = Graph()
-    u = own.load(*TIME)
-    square = own.mul(own.const(argument.sign), own.mul(u, u))
-    new = {base: own.add(own.const(argument.vertex), square) if argument.sign else u}
+    law_graph = Graph()
+    u = law_graph.load(*TIME)
+    square = law_graph.mul(law_graph.const(argument.sign), law_graph.mul(u, u))
+    new = {base: law_graph.add(law_graph.const(argument.vertex), square) if argument.sign else u}
     for node in sorted(graph.below([law], {base}) - {base}):
-        new[node] = own.copied(graph.ops[node], [new[a] for a in graph.ops[node].args])
+        new[node] = law_graph.copied(graph.ops[node], [new[a] for a in graph.ops[node].args])
     start, end = (0.0, 4 * period) if period else (-MAX_ARGUMENT, MAX_ARGUMENT)
-    changes = quick_changes(own.ops, new[law], {}, start, end, np.empty(0))
+    changes = quick_changes(law_graph.ops, new[law], {}, start, end, np.empty(0))
     if period:
         changes = changes[(changes >= 2 * period) & (changes < 3 * period)] - 2 * period
     return [float(f"{each:.6g}") for each in changes]

@@ -35,7 +35,7 @@ from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_
 from ncgen.program.motions.output_programs import assemble_outputs
 from ncgen.solver.engines.acceleration_forms import own_positions
 from ncgen.solver.events.event_table import EventTable
-from ncgen.solver.events.held_mechanism import HeldMechanism, refusal_of_loads, refusal_of_shared, with_switches
+from ncgen.solver.events.held_mechanism import HeldMechanism, refusal_of_frictions, refusal_of_loads, refusal_of_shared, with_switches
 from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.name_lists import listed_names
@@ -164,13 +164,14 @@ class Package:
     @property
     def _described_held(self) -> dict[str, object]:
         """The same of it, and the larger numbers of both: rows, numbers in matrices and factors."""
-        own, held = self._described, self.held
+        described, held = self._described, self.held
         if held is None:
-            room = {"rows": self.kernels.m, "nonzeros": own["nonzeros"], "factor": self._order.nonzeros, "redundant": own["redundant"]}
+            room = {name: described[name] for name in ("nonzeros", "redundant")} | {"rows": self.kernels.m, "factor": self._order.nonzeros}
             return {"held": None, "room": room}
         other = self.of_held
         room = {"rows": held.kernels.m, "nonzeros": other._described["nonzeros"], "factor": other._order.nonzeros, "redundant": True}
-        return {"held": {"prefix": other.prefix, "m": held.kernels.m, **other._described}, "room": room}
+        changing = {"rank": -1}  # as many rows are independent as are there with what is held
+        return {"held": {"prefix": other.prefix, "m": held.kernels.m, **other._described, **changing}, "room": room}
 
     @cached_property
     def of_held(self) -> Package:
@@ -181,8 +182,8 @@ class Package:
     @property
     def public(self) -> tuple[str, ...]:
         """Names of the headers an embedder includes."""
-        own = (f"{self.prefix}.h", f"{self.prefix}_motion.h")
-        return (*own, *(renamed(name, self.prefix) for name in PUBLIC))
+        headers = (f"{self.prefix}.h", f"{self.prefix}_motion.h")
+        return (*headers, *(renamed(name, self.prefix) for name in PUBLIC))
 
     @cached_property
     def records(self) -> dict:
@@ -241,10 +242,10 @@ class Package:
 
     def _motion_programs(self) -> list[Program]:
         """What stands next to the kernels as functions."""
-        own = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
+        closing = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
         switches = [self.switching.program] if self.switching else []
         happening = self.events.programs if self.events else []
-        return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
+        return [*closing, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
 
     @cached_property
     def switching(self) -> Switching | None:
@@ -301,7 +302,7 @@ def _generated(model: Model) -> tuple[Sources, Kernels]:
     kernels = compile(sources, backend="numpy")
     if not (why := refusal_of_loads(kernels)):
         return sources, kernels
-    if others := [*model.frictions, *model.ratchets, *model.locks]:
+    if others := [*model.frictions, *model.contacts, *model.ratchets, *model.locks]:
         _require_none(model, f"{listed_names(others)} may not be held: {why}; use ncgen.simulate")
     sources = generate(model)
     return sources, compile(sources, backend="numpy")
@@ -335,14 +336,14 @@ def _refusal(model: Model, events: bool) -> str | None:
     if reason := _refusal_of_events(model):
         return reason
     if model.branches:
-        return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"
+        return "the paper's sine-or-cosine constraints change between steps; use smooth angles"
     return None
 
 
 def _refusal_of_events(model: Model) -> str | None:
     """Why the events of a model cannot be exported, in words, or None."""
-    if model.contacts:
-        return f"friction of contacts is not exported yet ({listed_names(list(model.contacts))}); leave it out, or use ncgen.simulate"
+    if reason := refusal_of_frictions(model):
+        return reason
     if called := [event.name for event in model.events.values() if event.is_called]:
         return f"event {called[0]} calls a Python function; write what it does as expressions"
     known = (Change, Impact, Locking, Stop)
@@ -357,15 +358,15 @@ def renamed(text: str, prefix: str) -> str:
     return re.sub(r"\bNCGEN_(?=\w)", f"{prefix.upper()}_NCGEN_", text)
 
 
-def without_runtime(target: str, own: str, prefix: str, records: dict, headers_besides: tuple[str, ...]) -> dict[str, str]:
+def without_runtime(target: str, file_name: str, prefix: str, records: dict, headers_besides: tuple[str, ...]) -> dict[str, str]:
     """{path in the folder: text} of functions in C that need two headers of ncgen's and nothing of its runtime.
 
-    own: the template of the functions, with its header; headers_besides: templates of what else is in the folder
+    file_name: the template of the functions, with its header; headers_besides: templates of what else is in the folder
     """
 
     def filled(template: str) -> str:
         return renamed(render(f"package/{target}/{template}.jinja", **records), prefix)
 
     headers = {renamed(name, prefix): renamed(text, prefix) for name, text in runtime_files("ncgen.h", "ncgen_math.h").items()}
-    functions = {f"{prefix}_{target}.{end}": filled(f"{own}.{end}") for end in "hc"}
+    functions = {f"{prefix}_{target}.{end}": filled(f"{file_name}.{end}") for end in "hc"}
     return {**{name: filled(name) for name in headers_besides}, **functions, **headers}

@@ -70,19 +70,19 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
     curved: list[int] = []
     for switch in laws.switches:
         argument = nodes[switch.argument]
-        slope = slope_in_time(graph, argument)
-        if slope is None:
+        derivative = slope_in_time(graph, argument)
+        if derivative is None:
             continue  # it is constant between breaks of others
-        if slope_in_time(graph, slope) is None:
-            straight += _line(graph, argument, slope, switch.pieces, duration)
+        if slope_in_time(graph, derivative) is None:
+            straight += _line(graph, argument, derivative, switch.pieces, duration)
         else:
             curved.append(graph.lookup(_numbered(switch.pieces), argument))
     defaults = {ArrayElement("p", k): float(kernels.p0[k]) for k in laws.parameters}
     arguments, left = narrow_arguments(graph, [nodes[node] for node in laws.narrow], defaults)
     for u, pieces in arguments:
-        slope = slope_in_time(graph, u)
-        assert slope is not None, "a narrow law's argument does not depend on time"
-        straight += _line(graph, u, slope, pieces, duration)
+        derivative = slope_in_time(graph, u)
+        assert derivative is not None, "a narrow law's argument does not depend on time"
+        straight += _line(graph, u, derivative, pieces, duration)
     watched = _narrow_here(kernels, laws, [node for node in laws.narrow if nodes[node] in left], duration)
     curved += [graph.lookup(pieces, nodes[node]) for node, pieces in watched.items()]
     if not straight and not curved:
@@ -94,13 +94,13 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
 
 def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duration: float) -> dict[int, Pieces]:
     """{law that has narrow changes in the described motion: the number of the piece that its value is in}."""
-    given = {ArrayElement("p", k): float(kernels.p0[k]) for k in laws.parameters}
+    inputs = {ArrayElement("p", k): float(kernels.p0[k]) for k in laws.parameters}
     narrow = {}
     for node in nodes:
         breaks = breaks_of_laws(kernels, replace(laws, switches=(), narrow=(node,)), 0.0, duration)
         if len(breaks):
             t = np.sort(np.concatenate([np.linspace(0.0, duration, INTERVALS + 1), breaks[:, 0]]))
-            x = values(laws.ops, node, {**given, TIME: t})
+            x = values(laws.ops, node, {**inputs, TIME: t})
             low, high = np.min(x[np.isfinite(x)]), np.max(x[np.isfinite(x)])
             knots = np.unique([float(f"{low + (high - low) * level:.12g}") for level in RANGE_FRACTIONS]).tolist()
             if np.count_nonzero(np.diff(np.searchsorted(knots, x))) <= MOST_CHANGES:
@@ -116,36 +116,36 @@ def _copied(laws: TimeLaws) -> tuple[Graph, list[int]]:
     return graph, nodes
 
 
-def _line(graph: Graph, argument: int, slope: int, pieces: Pieces, duration: float) -> tuple[int, int, int, int]:
+def _line(graph: Graph, argument: int, derivative: int, pieces: Pieces, duration: float) -> tuple[int, int, int, int]:
     """Nodes b, n, a and x of a switch with a straight argument."""
     t = graph.load(*TIME)
     if pieces.period:
-        passed, ahead = _neighbours(graph, slope, argument, _distances(pieces, 0), _distances(pieces, 1))
-        offset, used = graph.neg(graph.mul(slope, t)), _slow_enough(graph, slope, pieces, duration)
+        passed, ahead = _neighbours(graph, derivative, argument, _distances(pieces, 0), _distances(pieces, 1))
+        offset, used = graph.neg(graph.mul(derivative, t)), _slow_enough(graph, derivative, pieces, duration)
     else:
-        passed, ahead = _neighbours(graph, slope, argument, _levels(pieces, 0), _levels(pieces, 1))
-        offset, used = graph.replaced(argument, {TIME: graph.const(0.0)}), slope
-        if t in graph.below([slope]):
-            offset = graph.sub(argument, graph.mul(slope, t))
+        passed, ahead = _neighbours(graph, derivative, argument, _levels(pieces, 0), _levels(pieces, 1))
+        offset, used = graph.replaced(argument, {TIME: graph.const(0.0)}), derivative
+        if t in graph.below([derivative]):
+            offset = graph.sub(argument, graph.mul(derivative, t))
     return graph.sub(passed, offset), graph.sub(ahead, offset), used, _size(graph, argument)
 
 
 def _size(graph: Graph, argument: int) -> int:
     """The sum of |∂argument/∂v · v| over the sums, lookups and parameters v in it: times the rounding unit, how wrong it may be."""
     parts = [v for v in sorted(graph.below([argument])) if graph.ops[v].code in ("add", "sub", PIECES) or _is_parameter(graph.ops[v])]
-    return graph.sum(graph.call("abs", graph.mul(slope, v)) for v, slope in gradient(graph, argument, parts).items())
+    return graph.sum(graph.call("abs", graph.mul(derivative, v)) for v, derivative in gradient(graph, argument, parts).items())
 
 
 def _is_parameter(op: Op) -> bool:
     return op.code == "load" and op.input != TIME
 
 
-def _neighbours(graph: Graph, slope: int, argument: int, below: Pieces, above: Pieces) -> tuple[int, int]:
+def _neighbours(graph: Graph, derivative: int, argument: int, below: Pieces, above: Pieces) -> tuple[int, int]:
     """What is looked up for the knots on both sides of an argument, that which it comes from first."""
     low, high = graph.lookup(below, argument), graph.lookup(above, argument)
     if low == high:
         return low, high
-    side, half = graph.call("sign", slope), graph.const(0.5)
+    side, half = graph.call("sign", derivative), graph.const(0.5)
     rising, falling = (graph.mul(half, each(graph.const(1.0), side)) for each in (graph.add, graph.sub))
 
     def chosen(up: int, down: int) -> int:
@@ -169,11 +169,11 @@ def _beside_pieces(pieces: Pieces, above: int) -> list[float]:
     return [pieces.knots[min(max(k - 1 + above, 0), len(pieces.knots) - 1)] for k in range(len(pieces.rows))]
 
 
-def _slow_enough(graph: Graph, slope: int, pieces: Pieces, duration: float) -> int:
+def _slow_enough(graph: Graph, derivative: int, pieces: Pieces, duration: float) -> int:
     """The slope, or 0 where the law switches more often than `MOST_BREAKS` in the described motion: it is left to error control."""
     fastest = graph.const(MOST_BREAKS * pieces.period / (len(pieces.knots) - 1) / duration)
-    slower = graph.call("sign", graph.sub(fastest, graph.call("abs", slope)))
-    return graph.mul(slope, graph.mul(graph.const(0.5), graph.add(graph.const(1.0), slower)))
+    slower = graph.call("sign", graph.sub(fastest, graph.call("abs", derivative)))
+    return graph.mul(derivative, graph.mul(graph.const(0.5), graph.add(graph.const(1.0), slower)))
 
 
 def _numbered(pieces: Pieces) -> Pieces:

@@ -12,25 +12,25 @@ from ncgen.emit.wasm.linked import Linked, linked_module
 from ncgen.exchange.export.package import Package
 from ncgen.program.algebra.quasidefinite import Elimination
 from ncgen.program.ir.blocks import Pattern, Program
-from ncgen.solver.events.held_mechanism import GAP, JOINT, LOCK, RATCHET
+from ncgen.solver.events.held_mechanism import CONTACT, GAP, JOINT, LOCK, RATCHET, RUBBING_GAP
 from ncgen.toolchain.generic_wasm import LINKED, WITHOUT_EVENTS, binary
 
 CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM HAPPENED STOPPED STATE FUNCTIONS WORDS".split())
 """What the wrapper calls its constants: no class can be called so."""
 
 FUNCTIONS = (
-    "phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches", "conditions", "condition_slopes", "condition_rates",
+    "phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches", "conditions", "condition_derivatives", "condition_rates",
     "action_values", "held_phi", "held_phi_q", "held_nu", "held_gamma", "held_conditions",
-    "friction_forces",
+    "friction_forces", "contact_velocities",
 )  # fmt: skip
 """Functions that the runtime calls, in the order of ncgen_linked.h."""
 
 KINDS = ("NCGEN_SET", "NCGEN_SET_VELOCITY", "NCGEN_IMPACT", "NCGEN_STOP", "NCGEN_LOCK", "NCGEN_FREE")
-HOLDS = (GAP, JOINT, RATCHET, LOCK)
+HOLDS = (GAP, JOINT, RATCHET, LOCK, RUBBING_GAP, CONTACT)
 LAWS = ("NCGEN_NO_LAW", "NCGEN_SIMULTANEOUS", "NCGEN_IN_TURN")
 """Kinds of actions and of what is held, and laws of impacts, in the order of their numbers in ncgen_event_table.h."""
 
-FIRST_FUNCTION = 21
+FIRST_FUNCTION = 24
 """Where their numbers begin in the description."""
 
 
@@ -93,7 +93,7 @@ def _integers(package: Package) -> list[int]:
         len(kernels.p0),
         rank if rank < kernels.m else 0,
         int(singular),
-        int(package.conservative and not (package.events and package.events.follows_loads)),
+        int(package.conservative and not (package.events and package.events.rubs)),
         len(drives),
     ]
     counts += [breaks.lines, breaks.curves, int(breaks.jumps)] if breaks else [0, 0, 0]
@@ -104,11 +104,12 @@ def _integers(package: Package) -> list[int]:
     )
     counts += [happening["events"], len(happening["holds"]), happening["loads"], len(happening["own"])] if happening else [0, 0, 0, 0]
     counts.append(package.held.kernels.m if package.held else 0)
+    counts += [int(happening["follows_loads"]), len(happening["rubbings"]), happening["sliding"]] if happening else [0, 0, 0]
     phi_q = _with_rows(kernels.phi_q_pattern, drives)
     patterns = [*phi_q.indptr, *phi_q.indices, *kernels.mass_pattern.indptr, *kernels.mass_pattern.indices]
     orders = [package.elimination(pattern) for pattern in (kernels.phi_q_pattern, phi_q)]
     tables = [x for order in orders for x in (order.nonzeros, *(x for name in Elimination.ARRAYS for x in getattr(order, name)))]
-    actions = [x for row in happening.get("rows", ()) for x in (row.event, KINDS.index(row.kind), row.place, row.value)]
+    actions = [x for row in happening.get("rows", ()) for x in (row.event, KINDS.index(row.kind), row.index, row.value)]
     sides = [
         *happening.get("directions", ()),
         *[-1] * (happening.get("count", 0) + happening.get("loads", 0)),
@@ -119,13 +120,14 @@ def _integers(package: Package) -> list[int]:
 
 def _held_integers(package: Package, happening: dict[str, Any]) -> list[int]:
     """The same of what is held."""
+    rubbings = [x for row in happening.get("rubbings", ()) for x in row]
     if not package.held:
-        return []
+        return rubbings
     rows = [x for r in happening["holds"] for x in (HOLDS.index(r.kind), r.condition, r.on, r.held, r.value, r.slip, r.load)]
     pattern = package.held.kernels.phi_q_pattern
     order = package.of_held.elimination(pattern)
     tables = [order.nonzeros, *(x for name in Elimination.ARRAYS for x in getattr(order, name))]
-    return [*rows, *happening["own"], *pattern.indptr, *pattern.indices, *tables]
+    return [*rows, *rubbings, *happening["own"], *pattern.indptr, *pattern.indices, *tables]
 
 
 def _with_rows(pattern: Pattern, columns: list[int]) -> Pattern:

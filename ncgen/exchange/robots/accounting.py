@@ -66,16 +66,16 @@ class Finding:
 
 def _plain(text: str) -> tuple[float | str, ...]:
     """A text with numbers and truth values in one spelling."""
-    return tuple(_value(part) for part in text.split())
+    return tuple(_value(word) for word in text.split())
 
 
-def _value(part: str) -> float | str:
-    if part.lower() in ("true", "false"):
-        return float(part.lower() == "true")
+def _value(word: str) -> float | str:
+    if word.lower() in ("true", "false"):
+        return float(word.lower() == "true")
     try:
-        return float(part)
+        return float(word)
     except ValueError:
-        return part
+        return word
 
 
 @cache
@@ -87,8 +87,8 @@ def vocabulary(name: str) -> dict[str, Word]:
 
 
 def _word(line: str) -> Word:
-    entry, versions, default, meaning, words = (part.strip() for part in line.split("|"))
-    path, _, anchor = (part.strip() for part in entry.partition("="))
+    entry, versions, default, meaning, words = (cell.strip() for cell in line.split("|"))
+    path, _, anchor = (cell.strip() for cell in entry.partition("="))
     return Word(
         path=path,
         versions=versions,
@@ -132,17 +132,17 @@ def _account(root: Markup, words: dict[str, Word], anchor: str, findings: list[F
             findings += _judged(child, word, f"<{child.tag}> in <{root.tag}>")
 
 
-def _judged(element: Markup, word: Word, what: str) -> list[Finding]:
+def _judged(element: Markup, word: Word, label: str) -> list[Finding]:
     """What becomes of a word that is not at its default, and if it is modelled has not been read."""
     match word.meaning:
         case "refused":
             element.refuse(word.words)
         case "modelled":
-            return [Finding(word.words or f"{what} that nothing reads", "left out")]
+            return [Finding(word.words or f"{label} that nothing reads", "left out")]
         case "looks":
             return []
         case meaning:
-            return [Finding(word.words or what, meaning)]
+            return [Finding(word.words or label, meaning)]
 
 
 def counted(findings: Iterable[Finding | str]) -> tuple[str, ...]:
@@ -158,8 +158,8 @@ def changes_motion(sentence: str) -> bool:
 
 def parted(sentence: str) -> tuple[str, int]:
     """What was found and how often, of what `counted` says."""
-    what, _, count = sentence.rpartition(" (")
-    return what, int(count.rstrip(")"))
+    words, _, count = sentence.rpartition(" (")
+    return words, int(count.rstrip(")"))
 
 
 def warn_of(left_out: Iterable[str], file: str, stacklevel: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -19,27 +20,28 @@ KINDS = {"weld": "fixed", "ball": "spherical", "hinge": "revolute", "point": "sp
 def built(robot: Robot, arguments: tuple[Any, ...]) -> Model:
     """The model of a robot, which can close loops. arguments: of `model_of`, after the robot"""
     model = model_of(robot, *arguments)
-    model.closing = partial(_closed, robot, arguments, len(model.facts))
+    model.closing = partial(closed, Reading(robot, arguments, len(model.facts)))
     return model
 
 
-def _closed(
-    robot: Robot,
-    arguments: tuple[Any, ...],
-    facts: int,
-    model: Model,
-    ends: tuple[object, object],
-    kind: str,
-    axis: Sequence[float],
-    name: str,
-) -> Model:
-    """The model with one loop more. facts: how many it had when it was read
+@dataclass(frozen=True)
+class Reading:
+    """How a model was made of a robot: arguments of `model_of` after the robot; facts: how many the model had then."""
+
+    robot: Robot
+    arguments: tuple[Any, ...]
+    facts: int
+
+
+def closed(reading: Reading, model: Model, ends: tuple[object, object], kind: str, axis: Sequence[float], name: str) -> Model:
+    """The model with one loop more.
 
     Raises ModelError for a frame that the file does not have, a loop that cannot close, with its gap, and one that changes nothing.
     """
     from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
 
-    if len(model.facts) != facts:
+    robot = reading.robot
+    if len(model.facts) != reading.facts:
         raise ModelError(f"close {name}: the robot is assembled anew, and the model has more than its file; close loops before that")
     if name in {joint.name for joint in (*robot.joints, *robot.loops)}:
         raise ModelError(f"close {name}: there is a joint of that name already; choose another")
@@ -53,4 +55,4 @@ def _closed(
     if parent == child:
         raise ModelError(f"close {name}: both frames are on link {parent}, so it changes nothing; name frames of two links")
     closure = Closure(name=name, kind=KINDS[kind], parent=parent, child=child, on_parent=on_parent, on_child=on_child, axis=unit(axis))
-    return built(with_closures(robot, [*closures_of(robot), closure]), arguments)
+    return built(with_closures(robot, [*closures_of(robot), closure]), reading.arguments)

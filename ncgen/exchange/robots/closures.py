@@ -93,9 +93,9 @@ def with_closures(robot: Robot, closures: Sequence[Closure]) -> Robot:
     loops = []
     for number, each in enumerate(closures):
         new = Joint(name=each.name, kind=each.kind, parent=each.parent, child=each.child, axis=each.axis, where=each.where)
-        own = robot.loops[number] if number < len(robot.loops) else new
-        has_moved = assembly.joints != robot.joints or own is new
-        loops.append(replace(own, placement=frames[each.parent] @ each.on_parent) if has_moved else own)
+        loop = robot.loops[number] if number < len(robot.loops) else new
+        has_moved = assembly.joints != robot.joints or loop is new
+        loops.append(replace(loop, placement=frames[each.parent] @ each.on_parent) if has_moved else loop)
     return replace(assembly, loops=tuple(loops))
 
 
@@ -231,8 +231,8 @@ class _Assembly:
         frames: Frames = {self.robot.root: (np.eye(3), np.zeros(3))}
         for joint in self.robot.joints:
             x = values.get(joint.name)
-            place = _after(frames[joint.parent], joint.placement)
-            frames[joint.child] = place if x is None else _after(place, motion(joint, x))
+            frame = _after(frames[joint.parent], joint.placement)
+            frames[joint.child] = frame if x is None else _after(frame, motion(joint, x))
         return frames
 
     def _residual(self, frames: Frames) -> np.ndarray:
@@ -342,10 +342,10 @@ class _Assembly:
         )
 
 
-def _after(frame: tuple[np.ndarray, np.ndarray], place: Placement) -> tuple[np.ndarray, np.ndarray]:
+def _after(frame: tuple[np.ndarray, np.ndarray], placement: Placement) -> tuple[np.ndarray, np.ndarray]:
     """A placement in a frame, in plain floating point: the assembled robot is placed by `Placement` again."""
     turn, shift = frame
-    return turn @ place.rotation, shift + turn @ place.position
+    return turn @ placement.rotation, shift + turn @ placement.position
 
 
 def _between(each: Closure, frames: Frames) -> tuple[np.ndarray, np.ndarray]:

@@ -28,8 +28,8 @@ def add_frame_outputs(model: Model, names: Sequence[str]) -> None:
         if frame.body == model.ground.name:
             columns: list[Sequence[Driven]] = [list(map(float, column)) for column in (frame.position, *frame.rotation.T)]
         else:
-            place, axes = carried(model, frame)
-            columns = [expressions(each).flat() for each in (place, *axes)]
+            position, axes = carried(model, frame)
+            columns = [expressions(each).flat() for each in (position, *axes)]
         for i, axis in enumerate(AXES):
             model.output(f"{name}.{axis}", columns[0][i], "m")
         for i in range(3):

@@ -26,10 +26,10 @@ def moved(robot: Robot, values: Mapping[str, np.ndarray]) -> Robot:
         if x is None or not np.any(x):
             joints.append(joint)
             continue
-        place = joint.placement @ motion(joint, x)
+        placement = joint.placement @ motion(joint, x)
         axis = rotation_about(joint.second, -x[1]) @ joint.axis if joint.kind == "universal" and joint.second is not None else joint.axis
         start = joint.start + float(x[0]) if joint.kind in ("revolute", "prismatic") else joint.start
-        joints.append(replace(joint, placement=place, axis=axis, start=start))
+        joints.append(replace(joint, placement=placement, axis=axis, start=start))
     return replace(robot, joints=tuple(joints))
 
 

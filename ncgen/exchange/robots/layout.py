@@ -38,7 +38,7 @@ SHARED = ("revolute", "spherical")
 
 
 @dataclass(eq=False)
-class Place:
+class PlannedElement:
     """A point (m), or a direction of length 1, where all coordinates are 0. link: with whose frame a point is placed"""
 
     name: str
@@ -52,21 +52,21 @@ class RobotSolid:
     """A body and what describes it."""
 
     name: str
-    places: list[Place] = field(default_factory=list)
+    planned: list[PlannedElement] = field(default_factory=list)
 
     @property
-    def points(self) -> list[Place]:
-        return [place for place in self.places if place.is_point]
+    def points(self) -> list[PlannedElement]:
+        return [element for element in self.planned if element.is_point]
 
     @property
-    def vectors(self) -> list[Place]:
-        return [place for place in self.places if not place.is_point]
+    def vectors(self) -> list[PlannedElement]:
+        return [element for element in self.planned if not element.is_point]
 
-    def take(self, place: Place) -> Place:
-        """Have a place, if it is not there yet."""
-        if place not in self.places:
-            self.places.append(place)
-        return place
+    def take(self, element: PlannedElement) -> PlannedElement:
+        """Plan an element, if it is not planned yet."""
+        if element not in self.planned:
+            self.planned.append(element)
+        return element
 
     def directions(self, shortest: float) -> np.ndarray:
         """Of its vectors and from its first point to others that are farther away than `shortest` (m), of length 1, as rows."""
@@ -84,11 +84,11 @@ class Hold:
     joint: Joint
     parent: RobotSolid
     child: RobotSolid
-    start: Place | None = None
-    end: Place | None = None
-    axis: Place | None = None
+    start: PlannedElement | None = None
+    end: PlannedElement | None = None
+    axis: PlannedElement | None = None
     sign: float = 1.0
-    second: Place | None = None
+    second: PlannedElement | None = None
     closes: bool = False
 
 
@@ -116,7 +116,7 @@ class Layer:
         self.robot, self.floating, self.apart = robot, floating, apart
         self.frames = robot.frames(robot.base)
         origins = np.array([frame.position for frame in self.frames.values()])
-        self.places = {joint: self.frames[joint.child] for joint in robot.joints} | {
+        self.placements = {joint: self.frames[joint.child] for joint in robot.joints} | {
             loop: robot.base @ loop.placement for loop in robot.loops
         }
         hearts = np.array([self._heart(name) for name in self.frames])
@@ -129,7 +129,7 @@ class Layer:
         if self.apart:
             carried = {joint.child for joint in self.robot.joints if joint.kind != "floating"}
             for name in self.frames.keys() - carried if self.floating else self.frames.keys() - carried - {self.robot.root}:
-                self.solids[name].take(Place(f"r_{name}", self.frames[name].position, True, name))
+                self.solids[name].take(PlannedElement(f"r_{name}", self.frames[name].position, True, name))
         for joint in (*self.robot.joints, *self.robot.loops):
             self.holds.append(self._hold(joint))
         root = self.solids[self.robot.root]
@@ -142,9 +142,9 @@ class Layer:
 
     def _hold(self, joint: Joint) -> Hold:
         hold = Hold(joint=joint, parent=self.solids[joint.parent], child=self.solids[joint.child], closes=joint in self.robot.loops)
-        before = len(hold.parent.places) + len(hold.child.places)
+        before = len(hold.parent.planned) + len(hold.child.planned)
         getattr(self, f"_{joint.kind}")(hold)
-        if hold.closes and joint.kind in SHARED and len(hold.parent.places) + len(hold.child.places) == before:
+        if hold.closes and joint.kind in SHARED and len(hold.parent.planned) + len(hold.child.planned) == before:
             raise refused(joint.where, changes_nothing(joint, "its links share its point and axis already"))
         return hold
 
@@ -162,7 +162,7 @@ class Layer:
         self._spherical(hold)
         hold.axis, hold.sign = self._parallel(hold)
         assert hold.joint.second is not None, "a universal joint with one axis"
-        hold.second = hold.child.take(Place(f"v_{hold.joint.name}", self._directed(hold.joint, hold.joint.second), False))
+        hold.second = hold.child.take(PlannedElement(f"v_{hold.joint.name}", self._directed(hold.joint, hold.joint.second), False))
 
     def _prismatic(self, hold: Hold) -> None:
         self._slide(hold, hold.parent.points)
@@ -174,7 +174,7 @@ class Layer:
         origin, axis = self._origin(hold.joint), self._axis(hold.joint)
         self._slide(hold, [p for p in hold.parent.points if np.linalg.norm(np.cross(p.value - origin, axis)) < self.near])
 
-    def _slide(self, hold: Hold, points: Sequence[Place]) -> None:
+    def _slide(self, hold: Hold, points: Sequence[PlannedElement]) -> None:
         """A point of the child slides along the joint's axis from one of these of the parent, else from the joint's origin."""
         self._share_axis(hold)
         known = [] if self.apart else points
@@ -190,15 +190,15 @@ class Layer:
         hold.axis, hold.sign = self._parallel(hold)
         hold.child.take(hold.axis)
 
-    def _parallel(self, hold: Hold) -> tuple[Place, float]:
+    def _parallel(self, hold: Hold) -> tuple[PlannedElement, float]:
         """A vector of the parent along a joint's axis, and its sign: one that it or the child has, or a new one."""
         direction = self._axis(hold.joint)
         for vector in (*hold.parent.vectors, *hold.child.vectors):
             if np.linalg.norm(np.cross(vector.value, direction)) < self.parallel:
                 return hold.parent.take(vector), float(np.sign(dot(vector.value, direction)))
-        return hold.parent.take(Place(f"u_{hold.joint.name}", direction, False)), 1.0
+        return hold.parent.take(PlannedElement(f"u_{hold.joint.name}", direction, False)), 1.0
 
-    def _shared_point(self, hold: Hold) -> Place:
+    def _shared_point(self, hold: Hold) -> PlannedElement:
         """A point on a hinge's axis: one of the parent's, else where the next axis meets it, else the joint's origin.
 
         Where the parent itself hangs on this axis the point is another one: sharing both would join the child to the parent's parent, too.
@@ -214,8 +214,8 @@ class Layer:
             return hold.child.take(hold.parent.take(self._point(hold, "r", origin)))
         next_ones = (joint for joint in self.robot.joints if joint.parent == hold.child.name and joint.kind == "revolute")
         meetings = (self._meeting(origin, axis, self._origin(joint), self._axis(joint)) for joint in next_ones)
-        place = min((m for m in meetings if m is not None), key=lambda m: norm(m - origin), default=origin)
-        return hold.child.take(hold.parent.take(self._point(hold, "r", place)))
+        position = min((m for m in meetings if m is not None), key=lambda m: norm(m - origin), default=origin)
+        return hold.child.take(hold.parent.take(self._point(hold, "r", position)))
 
     def _meeting(self, a: np.ndarray, u: np.ndarray, b: np.ndarray, v: np.ndarray) -> np.ndarray | None:
         """Where two lines meet; None where they are parallel, or pass each other."""
@@ -227,20 +227,20 @@ class Layer:
     # -- frames --------------------------------------------------------------------------------
 
     def _origin(self, joint: Joint) -> np.ndarray:
-        return self.places[joint].position
+        return self.placements[joint].position
 
     def _axis(self, joint: Joint) -> np.ndarray:
         return self._directed(joint, joint.axis)
 
     def _directed(self, joint: Joint, direction: np.ndarray) -> np.ndarray:
         """A direction of a joint's frame in the global one; what is 0 but for rounding is 0."""
-        global_direction = self.places[joint].along(direction)
+        global_direction = self.placements[joint].along(direction)
         global_direction = np.where(np.abs(global_direction) < 1e-15, 0.0, global_direction)
         return unit(global_direction)
 
-    def _point(self, hold: Hold, prefix: str, place: np.ndarray) -> Place:
-        value = np.where(np.abs(place) < 1e-3 * self.near, 0.0, place)
-        return Place(f"{prefix}_{hold.joint.name}", value, True, hold.child.name)
+    def _point(self, hold: Hold, prefix: str, position: np.ndarray) -> PlannedElement:
+        value = np.where(np.abs(position) < 1e-3 * self.near, 0.0, position)
+        return PlannedElement(f"{prefix}_{hold.joint.name}", value, True, hold.child.name)
 
     # -- bodies --------------------------------------------------------------------------------
 
@@ -252,11 +252,11 @@ class Layer:
     def _complete(self, solid: RobotSolid, heart: np.ndarray) -> None:
         """A point, and directions that span space."""
         if not solid.points:
-            solid.take(Place(f"r_{solid.name}", heart, True, solid.name))
+            solid.take(PlannedElement(f"r_{solid.name}", heart, True, solid.name))
         shortest = np.inf if self.apart else MIN_RELATIVE_LENGTH * self.size
         while (rows := solid.directions(shortest)).shape[0] < 3 or np.linalg.svd(rows, compute_uv=False)[-1] < MIN_SINGULAR_VALUE:
             number = len(solid.vectors) + 1
-            solid.take(Place(f"e{number}_{solid.name}", _missing(rows, self.frames[solid.name]), False))
+            solid.take(PlannedElement(f"e{number}_{solid.name}", _missing(rows, self.frames[solid.name]), False))
 
 
 def _missing(rows: np.ndarray, frame: Placement) -> np.ndarray:

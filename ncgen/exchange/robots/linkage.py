@@ -23,6 +23,7 @@ from ncgen.exchange.robots.robot import Joint, Link, Mimic, Robot, hung
 from ncgen.model import Model
 from ncgen.model.arithmetic import across, unit
 from ncgen.model.bodies import Body
+from ncgen.model.catalogue import ROW_TYPES
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, as_combination
 from ncgen.model.pairs import SLIDING, Screw, joint_between, sliding_of
 from ncgen.model.rows import Row
@@ -87,7 +88,7 @@ class _Linkage:
         floats = not any(WORLD in (joint.parent, joint.child) for joint in (*self.joints, *self.loops))
         parts = self.parts[1:] if floats else self.parts
         links = {
-            part.name: Link(name=part.name, mass=mass_of(self.model, part.body, part.position), shapes=self._shapes(part)) for part in parts
+            each.name: Link(name=each.name, mass=mass_of(self.model, each.body, each.position), shapes=self._shapes(each)) for each in parts
         }
         robot = Robot(
             name=self.model.name,
@@ -97,31 +98,31 @@ class _Linkage:
             gravity=gravity_of(self.model),
             floats=floats,
         )
-        return hung(robot, {part.name: Placement(position=part.position) for part in parts})
+        return hung(robot, {solid.name: Placement(position=solid.position) for solid in parts})
 
     # -- bodies --------------------------------------------------------------------------------
 
     def _hang(self, number: int) -> None:
         """The joint of the tree that carries a body; none where it moves freely."""
-        link, part = self.tree.links[number], self.parts[number + 1]
+        link, solid = self.tree.links[number], self.parts[number + 1]
         parent = self.world if link.parent is None else self.parts[link.parent + 1]
-        part.position = origin_of(link)
+        solid.position = origin_of(link)
         if len(link.screws) < 6:
-            self._join(f"joint_{part.name}", parent, part, link.screws)
+            self._join(f"joint_{solid.name}", parent, solid, link.screws)
 
     def _close(self, number: int) -> None:
         """Joints of what a body shares with others than the one that carries it."""
-        link, part = self.tree.links[number], self.parts[number + 1]
+        link, solid = self.tree.links[number], self.parts[number + 1]
         carrier = set(link.body.elements) if link.parent is None else set(self.tree.links[link.parent].body.elements)
         slides = sliding_of(self.model)
         for other in self.parts[: len(self.tree.links) + 1]:
             home = None if other is self.world else self.parts.index(other) - 1
             shared = [e for e in link.body.elements if e in other.elements]
             own_elements = [e for e in shared if self.tree.home.get(e) == home and (link.parent is None or e not in carrier)]
-            if other is part or home == link.parent or not own_elements:
+            if other is solid or home == link.parent or not own_elements:
                 continue
             screws = joint_between(link.body, shared, slides.get(frozenset({other.body or link.body, link.body})))
-            self._join(self._free(f"loop_{other.name}_{part.name}"), other, part, screws, closes=True)
+            self._join(self._free(f"loop_{other.name}_{solid.name}"), other, solid, screws, closes=True)
 
     def _join(self, name: str, parent: _Part, child: _Part, screws: Sequence[Screw], closes: bool = False) -> None:
         turning = [screw for screw in screws if screw.point]
@@ -132,9 +133,9 @@ class _Linkage:
                 f"relative to {parent.name}; files have hinges, sliders, balls and universal joints: put a body without mass between"
             )
         axis = unit(screws[0].axis.initial) if kind in ("revolute", "prismatic") else NORMAL
-        place = next((screw.point.initial for screw in turning if screw.point), child.position)
+        position = next((screw.point.initial for screw in turning if screw.point), child.position)
         self._add(
-            Joint(name=name, kind=kind, parent=parent.name, child=child.name, placement=Placement(position=place), axis=axis),
+            Joint(name=name, kind=kind, parent=parent.name, child=child.name, placement=Placement(position=position), axis=axis),
             parent,
             child,
             closes,
@@ -155,8 +156,8 @@ class _Linkage:
     def _rod(self, name: str, ends: Sequence[Point], body: Body | None = None) -> None:
         """A link between two points; what they belong to carries it."""
         if len(ends) != 2 or (body and body.vectors):
-            what = f"{self.model.name}: {body or name} does not define its orientation"
-            raise ModelError(f"{what}, which files of links and joints need; give the body another vector or point")
+            problem = f"{self.model.name}: {body or name} does not define its orientation"
+            raise ModelError(f"{problem}, which files of links and joints need; give the body another vector or point")
         first, second = ends if self._part_of(ends[0]) else (ends[1], ends[0])
         carrier, end = self._part_of(first), self._part_of(second)
         if carrier is None:
@@ -194,11 +195,13 @@ class _Linkage:
         self._ball(self._free(f"{name}_head"), upper, head, end.initial)
         self.described.add(name)
 
-    def _pivot(self, name: str, parent: _Part, child: _Part, place: np.ndarray, along: np.ndarray) -> None:
+    def _pivot(self, name: str, parent: _Part, child: _Part, position: np.ndarray, along: np.ndarray) -> None:
         """A hinge in the plane, else a universal joint, across a rod."""
         if self.is_planar:
             self._add(
-                Joint(name=name, kind="revolute", parent=parent.name, child=child.name, placement=Placement(position=place), axis=NORMAL),
+                Joint(
+                    name=name, kind="revolute", parent=parent.name, child=child.name, placement=Placement(position=position), axis=NORMAL
+                ),
                 parent,
                 child,
             )
@@ -211,7 +214,7 @@ class _Linkage:
                 kind="universal",
                 parent=parent.name,
                 child=child.name,
-                placement=Placement(position=place),
+                placement=Placement(position=position),
                 axis=first,
                 second=second,
             ),
@@ -219,18 +222,18 @@ class _Linkage:
             child,
         )
 
-    def _ball(self, name: str, rod: _Part, end: _Part, place: np.ndarray) -> None:
+    def _ball(self, name: str, rod: _Part, end: _Part, position: np.ndarray) -> None:
         kind = "revolute" if self.is_planar else "spherical"
         parent, child = (end, rod) if end is self.world else (rod, end)
         self._add(
-            Joint(name=name, kind=kind, parent=parent.name, child=child.name, placement=Placement(position=place), axis=NORMAL),
+            Joint(name=name, kind=kind, parent=parent.name, child=child.name, placement=Placement(position=position), axis=NORMAL),
             parent,
             child,
             closes=True,
         )
 
     def _part_of(self, element: Spatial) -> _Part | None:
-        return next((part for part in self.parts if element in part.elements), None)
+        return next((solid for solid in self.parts if element in solid.elements), None)
 
     # -- coordinates and rows ------------------------------------------------------------------
 
@@ -285,9 +288,9 @@ class _Linkage:
             return joint, -sign
         return None
 
-    def _carries(self, part: _Part, direction: Combination) -> bool:
+    def _carries(self, solid: _Part, direction: Combination) -> bool:
         """True if all of a direction moves with a link."""
-        return all(e in part.elements for e in direction.elements)
+        return all(e in solid.elements for e in direction.elements)
 
     def _follow(self) -> None:
         """Joints follow others where a row says so: gears, racks, and what a file's mimics became."""
@@ -299,7 +302,7 @@ class _Linkage:
             joint = next(joint for joint in (*self.joints, *self.loops) if joint.name == first.name)
             if joint.mimic or joint in self.loops:
                 raise ModelError(
-                    f"{self.model.name}: {row.label}: joint {first.name} cannot follow {second.name} as well; leave one row out"
+                    f"{self.model.name}: {row.label}: joint {first.name} cannot follow {second.name} as well; leave one constraint out"
                 )
             open_by = a * float(first.initial[0]) + b * float(second.initial[0]) + shares[1]
             self._put(joint, replace(joint, mimic=Mimic(second.name, -b / a, -open_by / a)))
@@ -309,27 +312,31 @@ class _Linkage:
 
         The first one is that of factor 1, if there is one: a file's mimic follows with that.
         """
+        if row.type is ROW_TYPES["follow"]:
+            elements = {e.components[0]: e for e in self.model.elements.values() if isinstance(e, Relative)}
+            ratio, offset = (evaluate(row.data[name], self.model.parameters, row.label) for name in ("k", "c"))
+            return ((elements[row.arguments["s"]], 1.0), (elements[row.arguments["z"]], -ratio)), -offset
         if row.expression is None or row.level != "position" or row.owner.kind not in ("user", "joint"):
             return None
         expression: Any = as_sympy(row.expression)
         expression = expression.xreplace(
             {p.symbol: sympy.Float(evaluate(p, self.model.parameters, row.label)) for p in self.model.parameters.values()}
         )
-        own = [e for e in self.model.elements.values() if isinstance(e, Relative) and e.symbol in expression.free_symbols]
-        if len(own) != 2 or len(expression.free_symbols) != 2:
+        relative = [e for e in self.model.elements.values() if isinstance(e, Relative) and e.symbol in expression.free_symbols]
+        if len(relative) != 2 or len(expression.free_symbols) != 2:
             return None
-        factors = [expression.diff(e.symbol) for e in own]
+        factors = [expression.diff(e.symbol) for e in relative]
         if any(factor.free_symbols for factor in factors):
             return None
-        rest = expression.xreplace(dict.fromkeys((e.symbol for e in own), sympy.S.Zero))
-        first, second = sorted(zip(own, map(float, factors), strict=True), key=lambda each: each[1] != 1.0)
+        rest = expression.xreplace(dict.fromkeys((e.symbol for e in relative), sympy.S.Zero))
+        first, second = sorted(zip(relative, map(float, factors), strict=True), key=lambda each: each[1] != 1.0)
         return (first, second), float(rest)
 
     def _hold(self) -> None:
         """Bodies that move freely hang on the first joint that names them as its child, where there is one."""
         carried = {joint.child for joint in self.joints}
-        for part in self.parts[1:]:
-            if part.name not in carried and (loop_here := next((loop for loop in self.loops if loop.child == part.name), None)):
+        for solid in self.parts[1:]:
+            if solid.name not in carried and (loop_here := next((loop for loop in self.loops if loop.child == solid.name), None)):
                 self.loops.remove(loop_here)
                 self.joints.append(loop_here)
 
@@ -342,7 +349,7 @@ class _Linkage:
             is_joint = row.owner.joint in ("universal", *SLIDING)
             if not (_is_rod(row) or is_joint or row.owner.kind in ("body", "coordinate") or self._shares(row)):
                 raise ModelError(
-                    f"{model.name}: row {row.label} ({row.owner}) is that of no joint; a file of links and joints cannot say it"
+                    f"{model.name}: constraint {row.label} ({row.owner}) belongs to no joint; a file of links and joints cannot say it"
                 )
 
     # -- numbers -------------------------------------------------------------------------------
@@ -351,9 +358,9 @@ class _Linkage:
         """At a coordinate that is 0 where the model begins."""
         return acting(self.model, coordinate.name, float(coordinate.initial[0]))
 
-    def _shapes(self, part: _Part) -> tuple[Shape, ...]:
-        body = self.model.ground if part is self.world else part.body
-        return shapes_on(self.model, body, part.position) if body else ()
+    def _shapes(self, solid: _Part) -> tuple[Shape, ...]:
+        body = self.model.ground if solid is self.world else solid.body
+        return shapes_on(self.model, body, solid.position) if body else ()
 
     def _free(self, name: str) -> str:
         while name in self.names:

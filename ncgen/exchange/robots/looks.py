@@ -39,35 +39,35 @@ class Shape:
 
     def show(self, model: Model, body: Body) -> None:
         """On a body of a model. The shape must be told in the global frame."""
-        place, sizes = self.placement.position.tolist(), self.sizes
+        position, sizes = self.placement.position.tolist(), self.sizes
         turn, axis = self.placement.rpy, self.placement.rotation[:, 2].tolist()
         match self.kind:
             case "box":
-                model.box(body, sizes, place, turn, colour=self.colour)
+                model.box(body, sizes, position, turn, colour=self.colour)
             case "cylinder":
-                model.cylinder(body, sizes[0], sizes[1], place, axis, colour=self.colour)
+                model.cylinder(body, sizes[0], sizes[1], position, axis, colour=self.colour)
             case "capsule":
-                model.capsule(body, sizes[0], sizes[1], place, axis, colour=self.colour)
+                model.capsule(body, sizes[0], sizes[1], position, axis, colour=self.colour)
             case "sphere":
-                model.sphere(body, sizes[0], place, colour=self.colour)
+                model.sphere(body, sizes[0], position, colour=self.colour)
             case "ellipsoid":
-                model.ellipsoid(body, sizes, place, turn, colour=self.colour)
+                model.ellipsoid(body, sizes, position, turn, colour=self.colour)
             case "mesh":
-                model.mesh(body, self.file, place, turn, sizes, colour=self.colour)
+                model.mesh(body, self.file, position, turn, sizes, colour=self.colour)
 
 
 @dataclass(frozen=True)
 class Unseen:
     """What is not shown: a kind of geometry, or the name of a mesh whose file is not there."""
 
-    what: str
+    name: str
     is_file: bool = False
 
 
-def shape(kind: str, sizes: Sequence[float], place: Placement, colour: str | None) -> Shape | Unseen:
+def shape(kind: str, sizes: Sequence[float], placement: Placement, colour: str | None) -> Shape | Unseen:
     """A shape whose sizes are numbers; one of no size is not seen."""
     return (
-        Shape(kind=kind, sizes=tuple(map(float, sizes)), placement=place, colour=colour)
+        Shape(kind=kind, sizes=tuple(map(float, sizes)), placement=placement, colour=colour)
         if all(size > 0 for size in sizes)
         else Unseen(f"{kind} of no size")
     )
@@ -89,8 +89,8 @@ def seen(shapes_and_reasons: Iterable[Shape | Unseen]) -> tuple[Shape, ...]:
 def unseen(shapes_and_reasons: Iterable[Shape | Unseen]) -> tuple[str, ...]:
     """The others, in words."""
     hidden = [each for each in shapes_and_reasons if isinstance(each, Unseen)]
-    missing = list(dict.fromkeys(each.what for each in hidden if each.is_file))
-    kinds = [each.what for each in hidden if not each.is_file]
+    missing = list(dict.fromkeys(each.name for each in hidden if each.is_file))
+    kinds = [each.name for each in hidden if not each.is_file]
     messages = [f"meshes that are not there, {missing[0]} first ({len(missing)})"] if missing else []
     return (*messages, *([f"shapes of other kinds, {kinds[0]} first ({len(kinds)})"] if kinds else []))
 
@@ -102,11 +102,11 @@ def shapes_on(model: Model, body: Body, origin: np.ndarray) -> tuple[Shape, ...]
         if solid.body is not body or solid.kind == "polygon":
             continue
         kind = "cylinder" if solid.kind in ("wheel", "capsule") else solid.kind
-        sizes, place = solid.sizes, Placement(solid.rotation, solid.position - origin)
+        sizes, placement = solid.sizes, Placement(solid.rotation, solid.position - origin)
         if kind == "ellipsoid" and len(set(sizes)) == 1:
             kind, sizes = "sphere", sizes[:1]
         file = str((model.drawing.folder or Path()) / solid.file) if solid.file else ""
-        shapes.append(Shape(kind=kind, sizes=sizes, placement=place, colour=solid.colour, file=file))
+        shapes.append(Shape(kind=kind, sizes=sizes, placement=placement, colour=solid.colour, file=file))
     return tuple(shapes)
 
 
@@ -115,12 +115,12 @@ def rgba_of(colour: str) -> tuple[float, ...]:
     return (*(int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)), 1.0)
 
 
-def mesh(name: str, scale: Sequence[float], place: Placement, colour: str | None, robot: Path) -> Shape | Unseen:
+def mesh(name: str, scale: Sequence[float], placement: Placement, colour: str | None, robot: Path) -> Shape | Unseen:
     """A mesh by its address in a robot's file; robot: the path of that file."""
     path = mesh_path(name, robot)
     if path is None or not all(scale):
         return Unseen(name[:80], is_file=True)
-    return Shape(kind="mesh", sizes=tuple(map(float, scale)), placement=place, colour=colour, file=str(path))
+    return Shape(kind="mesh", sizes=tuple(map(float, scale)), placement=placement, colour=colour, file=str(path))
 
 
 def mesh_path(name: str, robot: Path) -> Path | None:
@@ -146,8 +146,8 @@ def folders_named(package: str, folder: Path) -> Iterable[Path]:
             yield parent
         yield parent / package
     for variable in PACKAGES:
-        for place in filter(None, os.environ.get(variable, "").split(os.pathsep)):
-            yield from (Path(place) / package, Path(place) / "share" / package)
+        for root in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+            yield from (Path(root) / package, Path(root) / "share" / package)
 
 
 def colour_of(rgba: Sequence[float]) -> str:

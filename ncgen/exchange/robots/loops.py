@@ -85,9 +85,9 @@ class _Reader:
         by_frames = "parent_frame" in table or "child_frame" in table
         if by_frames:
             one, other = (self._frame(table, f"{key}_frame", where) for key in ("parent", "child"))
-            ends, places = (one[0], other[0]), [one[1], other[1]]
+            ends, placements = (one[0], other[0]), [one[1], other[1]]
         else:
-            ends, places = tuple(self._link(table, key, where) for key in ("parent", "child")), []
+            ends, placements = tuple(self._link(table, key, where) for key in ("parent", "child")), []
         if ends[0] == ends[1]:
             self.refuse(f"{where}: it joins link {ends[0]} to itself; name two links")
         if by_frames and (mixed := next((key for key in ("parent", "child", "point") if key in table), None)):
@@ -102,7 +102,7 @@ class _Reader:
         if not isinstance(name, str):
             self.refuse(f"{where}: its name is {shown(name)}; give a text")
         if by_frames:
-            on_parent, on_child = places
+            on_parent, on_child = placements
         else:
             on_parent = (self.robot.links[ends[0]].origin or Placement()) @ Placement(position=point)
             on_child = self.frames[ends[1]].inverse() @ self.frames[ends[0]] @ on_parent
@@ -128,14 +128,14 @@ class _Reader:
         frame = frame_of(self.robot, name) if isinstance(name, str) else None
         return frame or self.refuse(f"{where}: its {key} {shown(name)} is no link or frame of {self.robot.name}")
 
-    def _three(self, given: object, what: str) -> np.ndarray:
+    def _three(self, value: object, key: str) -> np.ndarray:
         if (
-            not isinstance(given, list)
-            or len(given) != 3
-            or not all(isinstance(x, (int, float)) and not isinstance(x, bool) and abs(x) <= MAX_NUMBER for x in given)
+            not isinstance(value, list)
+            or len(value) != 3
+            or not all(isinstance(x, (int, float)) and not isinstance(x, bool) and abs(x) <= MAX_NUMBER for x in value)
         ):
-            self.refuse(f"{what} is {shown(given)}; give three numbers of at most {MAX_NUMBER:g}")
-        return np.array(given, dtype=float)
+            self.refuse(f"{key} is {shown(value)}; give three numbers of at most {MAX_NUMBER:g}")
+        return np.array(value, dtype=float)
 
     def refuse(self, problem: str) -> NoReturn:
         raise ModelError(placed(self.path.name, None, problem))

@@ -104,10 +104,10 @@ class Markup:
         """So many numbers in the element's text."""
         return self._split(self.text, count, f"<{self.tag}>")
 
-    def limit(self, text: str, what: str) -> float:
+    def limit(self, text: str, key: str) -> float:
         """A limit of a joint, which may be infinite: what is beyond `UNLIMITED` is that."""
-        value = self._float(text, what)
-        return self._number(text, what) if math.isnan(value) else min(max(value, -UNLIMITED), UNLIMITED)
+        value = self._float(text, key)
+        return self._number(text, key) if math.isnan(value) else min(max(value, -UNLIMITED), UNLIMITED)
 
     def unit(self, values: Sequence[float], joint: str) -> np.ndarray:
         """The axis of a joint (3,) with length 1."""
@@ -122,24 +122,24 @@ class Markup:
         """Raise ModelError with the element's place."""
         raise ModelError(placed(self.where, self.line, problem))
 
-    def _split(self, text: str, count: int, what: str) -> tuple[float, ...]:
+    def _split(self, text: str, count: int, key: str) -> tuple[float, ...]:
         parts = text.split()
         if len(parts) != count:
-            self.refuse(f"{what}: {count} numbers are needed, {shown(text)} is given")
-        return tuple(self._number(part, what) for part in parts)
+            self.refuse(f"{key}: {count} numbers are needed, {shown(text)} is given")
+        return tuple(self._number(number, key) for number in parts)
 
-    def _float(self, text: str, what: str) -> float:
+    def _float(self, text: str, key: str) -> float:
         try:
             return float(text)
         except ValueError:
-            self.refuse(f"{what}: {shown(text)} is no number")
+            self.refuse(f"{key}: {shown(text)} is no number")
 
-    def _number(self, text: str, what: str) -> float:
-        value = self._float(text, what)
+    def _number(self, text: str, key: str) -> float:
+        value = self._float(text, key)
         if not math.isfinite(value):
-            self.refuse(f"{what}: {shown(text)} is not finite; give a number")
+            self.refuse(f"{key}: {shown(text)} is not finite; give a number")
         if abs(value) > MAX_NUMBER:
-            self.refuse(f"{what}: {shown(text)} is too large; the largest number is {MAX_NUMBER:g}, check the unit")
+            self.refuse(f"{key}: {shown(text)} is too large; the largest number is {MAX_NUMBER:g}, check the unit")
         return value
 
 
@@ -194,5 +194,5 @@ class _Reader:
         self.open[-1].raw += text
 
     def _document_type(self, *declared: object) -> None:
-        what = "document types and entities are not read; remove <!DOCTYPE …> and write out what it stands for"
-        raise ModelError(placed(self.where, self.parser.CurrentLineNumber, what))
+        problem = "document types and entities are not read; remove <!DOCTYPE …> and write out what it stands for"
+        raise ModelError(placed(self.where, self.parser.CurrentLineNumber, problem))

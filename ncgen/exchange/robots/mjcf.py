@@ -98,23 +98,23 @@ def _check_numbers(model: Compiled, where: str) -> None:
         "key": (model.nkey, "keyframe", model.key),
     }
     for name in NUMBERS:
-        kind, _, what = name.partition("_")
+        kind, _, quantity = name.partition("_")
         count, whose, of = objects[kind]
         values = np.array(getattr(model, name), dtype=float)
         values = values.reshape(count, values.size // max(1, count))
         large = ~(np.abs(values) <= MAX_NUMBER)
-        wrong = np.flatnonzero(large.any(axis=1) | ((what in DIRECTIONS) & ~(np.abs(values).max(axis=1, initial=0.0) > 0.4)))
+        wrong = np.flatnonzero(large.any(axis=1) | ((quantity in DIRECTIONS) & ~(np.abs(values).max(axis=1, initial=0.0) > 0.4)))
         if len(wrong):
             i = int(wrong[0])
             owner = f"{whose} {of(i).name or f'number {i}'}"
-            number = f"the number {values[i][large[i]][0]:g} ({what})" if large[i].any() else f"no direction ({what})"
+            number = f"the number {values[i][large[i]][0]:g} ({quantity})" if large[i].any() else f"no direction ({quantity})"
             raise ModelError(placed(where, None, f"{owner} has {number}; the largest number is {MAX_NUMBER:g}, check the unit"))
     more = {"gravity": model.opt.gravity, "a joint's reference": model.qpos0, "a spring's reference": model.qpos_spring}
     names = ("gear", "gainprm", "biasprm", "ctrlrange", "forcerange", "armature", "damping", "dampingpoly")
     more["an actuator's number"] = np.concatenate([np.ravel(getattr(model, f"actuator_{name}")) for name in names])
-    for what, values in (more | {"a tendon's coefficient": model.wrap_prm}).items():
+    for quantity, values in (more | {"a tendon's coefficient": model.wrap_prm}).items():
         if not np.all(np.abs(values) <= MAX_NUMBER):
-            raise ModelError(placed(where, None, f"{what} is not finite, or larger than {MAX_NUMBER:g}; check the unit"))
+            raise ModelError(placed(where, None, f"{quantity} is not finite, or larger than {MAX_NUMBER:g}; check the unit"))
 
 
 class _Spring(TypedDict):
@@ -152,7 +152,7 @@ class _Reader:
         self.frames, self.sites = frames_of(model), sites_of(model)
         self.name = files[0].attributes.get("model") or path.stem
         self.bodies = [WORLD, *(model.body(i).name or f"body{i}" for i in range(1, model.nbody))]
-        self.places: dict[str, Placement] = {WORLD: Placement()}
+        self.placements: dict[str, Placement] = {WORLD: Placement()}
         self.links: dict[str, Link] = {WORLD: Link(name=WORLD, mass=None, shapes=self._shapes_of(0), sites=self.sites.get(0, {}))}
         self.joints: list[Joint] = []
         self.joint_names: list[str] = [model.joint(j).name or f"joint{j}" for j in range(model.njnt)]
@@ -160,11 +160,11 @@ class _Reader:
     def robot(self) -> Robot:
         for i in range(1, self.m.nbody):
             self._body(i)
-        closed = equalities(self.m, self.bodies, self.joint_names, self.places, self.where)
+        closed = equalities(self.m, self.bodies, self.joint_names, self.placements, self.where)
         joints = tuple(replace(joint, mimic=closed.followers.get(joint.name)) for joint in self.joints)
         x, y, z = (0.0, 0.0, 0.0) if off(self.m, NO_GRAVITY) else map(float, self.m.opt.gravity)
         starts = keyframes(self.m, self.joint_names)
-        omitted = (*(f"{what} ({count})" for what, count in left_out(self.m).items()), *unseen((*self.lost, *filter(None, self.looks))))
+        omitted = (*(f"{words} ({count})" for words, count in left_out(self.m).items()), *unseen((*self.lost, *filter(None, self.looks))))
         motors = actuators(self.m, self.joint_names)
         robot = Robot(
             name=self.name,
@@ -179,7 +179,7 @@ class _Reader:
             actuators=motors,
             words=("body", "site"),
         )
-        hanging = hung(robot, self.places)
+        hanging = hung(robot, self.placements)
         return (
             with_closures(hanging, [*closures_of(hanging), *(_closure(each, hanging) for each in closed.apart)])
             if closed.apart
@@ -189,19 +189,19 @@ class _Reader:
     def _body(self, i: int) -> None:
         m = self.m
         name, parent = self.bodies[i], self.bodies[m.body_parentid[i]]
-        place = self.places[parent] @ Placement.of_quaternion(m.body_pos[i], m.body_quat[i])
-        own = range(m.body_jntadr[i], m.body_jntadr[i] + m.body_jntnum[i])
-        for count, j in enumerate(own, 1):
-            last = count == len(own)
+        placement = self.placements[parent] @ Placement.of_quaternion(m.body_pos[i], m.body_quat[i])
+        joints = range(m.body_jntadr[i], m.body_jntadr[i] + m.body_jntnum[i])
+        for count, j in enumerate(joints, 1):
+            last = count == len(joints)
             child = name if last else f"{name}.{self.joint_names[j]}"
             if not last:
-                self.places[child], self.links[child] = place, Link(name=child, mass=None, where=self.where, origin=None)
-            self.joints.append(self._joint(j, parent, child, place))
+                self.placements[child], self.links[child] = placement, Link(name=child, mass=None, where=self.where, origin=None)
+            self.joints.append(self._joint(j, parent, child, placement))
             parent = child
-        if not own:
-            self.joints.append(Joint(name=f"{name}.fixed", kind="fixed", parent=parent, child=name, placement=place, where=self.where))
-        self.places[name], self.links[name] = (
-            place,
+        if not joints:
+            self.joints.append(Joint(name=f"{name}.fixed", kind="fixed", parent=parent, child=name, placement=placement, where=self.where))
+        self.placements[name], self.links[name] = (
+            placement,
             Link(
                 name=name,
                 mass=self._mass(i),
@@ -223,16 +223,16 @@ class _Reader:
         kind, rgba = int(m.geom_type[g]), [float(x) for x in m.geom_rgba[g]]
         if m.geom_group[g] > LAST_SEEN or rgba[3] == 0 or kind == PLANE:
             return None
-        place = Placement.of_quaternion(m.geom_pos[g], m.geom_quat[g])
+        placement = Placement.of_quaternion(m.geom_pos[g], m.geom_quat[g])
         colour = None if rgba == GREY and m.geom_matid[g] < 0 else colour_of(m.mat_rgba[m.geom_matid[g]] if rgba == GREY else rgba)
         a, b, c = (float(x) for x in m.geom_size[g])
         if kind == MESH:
-            return self._mesh(int(m.geom_dataid[g]), place, colour)
+            return self._mesh(int(m.geom_dataid[g]), placement, colour)
         sizes = {"sphere": (a,), "capsule": (a, 2 * b), "ellipsoid": (a, b, c), "cylinder": (a, 2 * b), "box": (2 * a, 2 * b, 2 * c)}
         name = SHAPES.get(kind, "")
-        return shape(name, sizes[name], place, colour) if name else Unseen(f"type {kind}")
+        return shape(name, sizes[name], placement, colour) if name else Unseen(f"type {kind}")
 
-    def _mesh(self, number: int, place: Placement, colour: str | None) -> Shape | Unseen:
+    def _mesh(self, number: int, placement: Placement, colour: str | None) -> Shape | Unseen:
         """Of a file, whose coordinates MuJoCo has moved to the mesh's principal axes."""
         m = self.m
         start = int(m.mesh_pathadr[number])
@@ -240,7 +240,7 @@ class _Reader:
         if m.mesh(number).name in self.shifted:
             return Unseen("mesh with refpos or refquat")
         moved = Placement.of_quaternion(m.mesh_pos[number], m.mesh_quat[number])
-        return mesh(name, [float(x) for x in m.mesh_scale[number]], place @ moved.inverse(), colour, self.path)
+        return mesh(name, [float(x) for x in m.mesh_scale[number]], placement @ moved.inverse(), colour, self.path)
 
     def _mass(self, i: int) -> Mass | None:
         m, j = self.m, int(self.m.body_jntadr[i])
@@ -254,11 +254,11 @@ class _Reader:
         passive = bool(m.ngravcomp) and not (off(m, NO_SPRINGS) and off(m, NO_DAMPERS))
         return (Mass(mass, np.array(m.body_ipos[i], dtype=float), np.zeros((3, 3))),) if mass and passive else ()
 
-    def _joint(self, j: int, parent: str, child: str, place: Placement) -> Joint:
+    def _joint(self, j: int, parent: str, child: str, placement: Placement) -> Joint:
         """Placed in the world."""
         m = self.m
         kind, dof = KINDS[m.jnt_type[j]], m.jnt_dofadr[j]
-        at = place if kind == "floating" else place @ Placement(position=np.array(m.jnt_pos[j]))
+        at = placement if kind == "floating" else placement @ Placement(position=np.array(m.jnt_pos[j]))
         joint = Joint(name=self.joint_names[j], kind=kind, parent=parent, child=child, placement=at, where=self.where, **self._spring(j))
         if kind in ("floating", "spherical"):
             return joint

@@ -41,7 +41,7 @@ def shares_of(m: Compiled, whose: str, number: int, joints: Sequence[str]) -> di
         kind, target = int(m.actuator_trntype[number]), int(m.actuator_trnid[number][0])
         gear = float(m.actuator_gear[m.actuator_outadr[number]][0])
         inner = shares_of(m, "joint" if kind in AT_JOINT else "tendon", target, joints) if kind in (*AT_JOINT, OVER_TENDON) else None
-        return None if inner is None else {joint: gear * share for joint, share in inner.items()}
+        return None if inner is None else {joint: gear * coefficient for joint, coefficient in inner.items()}
     shares = dict[str, float]()
     for w in range(m.tendon_adr[number], m.tendon_adr[number] + m.tendon_num[number]):
         if int(m.wrap_type[w]) != OVER_JOINT:

@@ -61,10 +61,10 @@ def _limit(seconds: int) -> None:
         (resource.RLIMIT_FSIZE, MAX_MODEL_BYTES),
         (resource.RLIMIT_CORE, 0),
     )
-    for what, most in limits:
-        hard = resource.getrlimit(what)[1]
+    for resource_kind, most in limits:
+        hard = resource.getrlimit(resource_kind)[1]
         with contextlib.suppress(ValueError, OSError):  # macOS does not take all of them
-            resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+            resource.setrlimit(resource_kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 def _text(message: bytes | None) -> str:

@@ -60,10 +60,10 @@ def family(root: Markup, path: Path) -> list[Markup]:
     """
     elements, waiting, visited = list[Markup](), [(root, path)], {_real(path)}
     while waiting:
-        each, place = waiting.pop()
+        each, origin = waiting.pop()
         elements.append(each)
         _check_copies(each, 1)
-        folders = _folders((root, each), (path.parent, place.parent))
+        folders = _folders((root, each), (path.parent, origin.parent))
         for element, name in _named(each):
             for file in dict.fromkeys(folder / name for folder in folders):
                 if not is_there(file) or _real(file) in visited:
@@ -97,11 +97,11 @@ def _named(root: Markup) -> Iterator[tuple[Markup, str]]:
                 yield element, name
 
 
-def _folders(roots: Iterable[Markup], places: Iterable[Path]) -> list[Path]:
+def _folders(roots: Iterable[Markup], bases: Iterable[Path]) -> list[Path]:
     """Where a file that an element names may be."""
     compilers = [each.attributes for root in roots for each in root.walk() if each.tag == "compiler"]
     inner_folders = [compiler[key] for compiler in compilers for key in FOLDERS if key in compiler]
-    return [place / inner for place in places for inner in ("", *inner_folders)]
+    return [base / inner for base in bases for inner in ("", *inner_folders)]
 
 
 def _real(path: Path) -> str:
@@ -113,8 +113,8 @@ def _real(path: Path) -> str:
 
 def file_of(name: str, root: Markup, path: Path) -> Path | None:
     """The file of a name in a file of MJCF, None where there is no such file. root: of the file at path"""
-    places = (folder / name for folder in _folders((root,), (path.parent,)) if name and "\0" not in name)
-    return next((place.resolve() for place in places if is_file(place)), None)
+    candidates = (folder / name for folder in _folders((root,), (path.parent,)) if name and "\0" not in name)
+    return next((candidate.resolve() for candidate in candidates if is_file(candidate)), None)
 
 
 def compiled(path: Path, text: str | None = None) -> Compiled:

@@ -39,9 +39,11 @@ class Apart(NamedTuple):
     child: Placement
 
 
-def equalities(model: Compiled, bodies: Sequence[str], joints: Sequence[str], places: Mapping[str, Placement], where: str) -> Equalities:
-    """What a file's equalities are. bodies, joints: names by MuJoCo's numbers; places: {body: its frame in the world}"""
-    reader = _Reader(model, bodies, joints, places, where)
+def equalities(
+    model: Compiled, bodies: Sequence[str], joints: Sequence[str], placements: Mapping[str, Placement], where: str
+) -> Equalities:
+    """What a file's equalities are. bodies, joints: names by MuJoCo's numbers; placements: {body: its frame in the world}"""
+    reader = _Reader(model, bodies, joints, placements, where)
     if not without_constraints(model, NO_EQUALITIES):
         for e in np.flatnonzero(model.eq_active0).tolist():
             reader.read(e)
@@ -49,8 +51,10 @@ def equalities(model: Compiled, bodies: Sequence[str], joints: Sequence[str], pl
 
 
 class _Reader:
-    def __init__(self, model: Compiled, bodies: Sequence[str], joints: Sequence[str], places: Mapping[str, Placement], where: str) -> None:
-        self.m, self.bodies, self.joints, self.places, self.where = model, bodies, joints, places, where
+    def __init__(
+        self, model: Compiled, bodies: Sequence[str], joints: Sequence[str], placements: Mapping[str, Placement], where: str
+    ) -> None:
+        self.m, self.bodies, self.joints, self.placements, self.where = model, bodies, joints, placements, where
         self.loops: list[Joint] = []
         self.apart: list[Apart] = []
         self.followers: dict[str, Mimic] = {}
@@ -82,24 +86,24 @@ class _Reader:
             shares[joint] = shares.get(joint, 0.0) + float(m.wrap_prm[k])
         return shares
 
-    def _couple(self, name: str, own: dict[str, float], other: dict[str, float], factors: list[float]) -> None:
+    def _couple(self, name: str, first: dict[str, float], other: dict[str, float], factors: list[float]) -> None:
         """One length is a polynomial of another, both from where they begin."""
         offset, *powers = factors
         followed = next(iter(other), "")
-        if own == {follower: 1.0 for follower in own} and other == {followed: 1.0} and not any(powers[1:]) and {*own} != {followed}:
-            (follower,) = own
+        if first == {follower: 1.0 for follower in first} and other == {followed: 1.0} and not any(powers[1:]) and {*first} != {followed}:
+            (follower,) = first
             if follower not in self.followers:
                 begins = self._begins(follower) - powers[0] * self._begins(followed)
                 self.followers[follower] = Mimic(followed, powers[0], offset + begins)
                 return
         if not any(powers[1:]):  # one sum is enough
-            for joint, share in other.items():
-                own[joint] = own.get(joint, 0.0) - powers[0] * share
+            for joint, coefficient in other.items():
+                first[joint] = first.get(joint, 0.0) - powers[0] * coefficient
             other, powers = {}, []
-        zeros = {joint: self._begins(joint) for joint in (*own, *other)}
+        zeros = {joint: self._begins(joint) for joint in (*first, *other)}
         self.rows.append(
             Coupling(
-                name=name, shares=own, offset=offset, where=self.where, others=other, zeros=zeros, powers=tuple(powers) if other else ()
+                name=name, shares=first, offset=offset, where=self.where, others=other, zeros=zeros, powers=tuple(powers) if other else ()
             )
         )
 
@@ -127,15 +131,15 @@ class _Reader:
             return self._site(first), self._site(second)
         one, other = self.bodies[first], self.bodies[second]
         if kind == CONNECT:
-            own, opposite = Placement(position=np.array(data[:3])), Placement(position=np.array(data[3:6]))
+            frame, opposite = Placement(position=np.array(data[:3])), Placement(position=np.array(data[3:6]))
         else:
-            own = Placement.of_quaternion(data[3:6], data[6:10])
+            frame = Placement.of_quaternion(data[3:6], data[6:10])
             opposite = Placement(position=np.array(data[:3]))
-        return (one, self.places[one] @ own), (other, self.places[other] @ opposite)
+        return (one, self.placements[one] @ frame), (other, self.placements[other] @ opposite)
 
     def _site(self, site: int) -> tuple[str, Placement]:
         body = self.bodies[int(self.m.site_bodyid[site])]
-        return body, self.places[body] @ Placement.of_quaternion(self.m.site_pos[site], self.m.site_quat[site])
+        return body, self.placements[body] @ Placement.of_quaternion(self.m.site_pos[site], self.m.site_quat[site])
 
     def _refuse(self, problem: str) -> NoReturn:
         raise ModelError(f"{self.where}: {problem}")

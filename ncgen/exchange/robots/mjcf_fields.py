@@ -121,7 +121,7 @@ def without_constraints(model: Compiled, flag: int) -> bool:
 
 def meaning(name: str, table: str) -> str | None:
     """What a table (fields, options, disabled, enabled) says of a name; None where it does not name it."""
-    return next((what for what, pattern in _patterns()[table].items() if pattern.fullmatch(name)), None)
+    return next((words for words, pattern in _patterns()[table].items() if pattern.fullmatch(name)), None)
 
 
 @cache
@@ -132,7 +132,7 @@ def _patterns() -> dict[str, dict[str, re.Pattern[str]]]:
         return re.compile("|".join(names.split()).replace("*", r"\w*").replace("#", "[A-Za-z0-9]*"))
 
     tables = {"fields": FIELDS, "options": OPTIONS, "disabled": DISABLED, "enabled": ENABLED}
-    return {table: {what: pattern(names) for what, names in meanings.items()} for table, meanings in tables.items()}
+    return {table: {meaning: pattern(names) for meaning, names in meanings.items()} for table, meanings in tables.items()}
 
 
 def unlisted(model: Compiled) -> Iterator[str]:
@@ -175,7 +175,7 @@ def left_out(model: Compiled) -> dict[str, int]:
         "bodies moved by motion capture, which rest here": m.nmocap,
         "activations in keyframes": int(np.sum(np.any(np.asarray(m.key_act) != 0, axis=1))) if m.nkey and m.na else 0,
     }
-    omitted = {what: int(count) for what, count in counts.items() if count}
+    omitted = {words: int(count) for words, count in counts.items() if count}
     return omitted | dict.fromkeys(unlisted(m), 1)
 
 
@@ -187,9 +187,9 @@ def is_disabled(m: Compiled, k: int) -> bool:
 
 def _rotors_of_several(m: Compiled) -> set[int]:
     """Joints with several degrees of freedom that have armature, or whose actuators bring them some."""
-    own = {int(j) for j, armature in zip(m.dof_jntid, m.dof_armature, strict=True) if armature}
+    joints_with_armature = {int(j) for j, armature in zip(m.dof_jntid, m.dof_armature, strict=True) if armature}
     driven = (k for k in range(m.nactuator) if m.actuator_armature[k] and m.actuator_trntype[k] in AT_JOINT)
-    joints = own | {int(m.actuator_trnid[k][0]) for k in driven}
+    joints = joints_with_armature | {int(m.actuator_trnid[k][0]) for k in driven}
     return {j for j in joints if m.jnt_type[j] < SCALAR and not is_ball_in_world(m, j)}
 
 

@@ -113,7 +113,7 @@ def _is_unreadable(element: Markup) -> bool:
 
 def _is_no_number(text: str) -> bool:
     try:
-        return not [float(part) for part in text.split()]
+        return not [float(word) for word in text.split()]
     except ValueError:
         return True
 

@@ -41,9 +41,9 @@ def _sensor(m: Compiled, s: int, joints: Sequence[str]) -> Sensor | None:
     if m.sensor_delay[s] != 0 or np.any(m.sensor_interval[s]) or m.sensor_reftype[s] != 0:
         return None
     if kind in LENGTHS:
-        whose, what = LENGTHS[kind]
+        whose, quantity = LENGTHS[kind]
         shares = shares_of(m, whose, int(m.sensor_objid[s]), joints)
-        return None if shares is None else Sensor(name=name, kind=what, of=shares, cutoff=cutoff)
+        return None if shares is None else Sensor(name=name, kind=quantity, of=shares, cutoff=cutoff)
     if kind not in KINDS:
         return None
     x, y, z = map(float, m.opt.magnetic)
@@ -84,6 +84,6 @@ def _frame(m: Compiled, kind: int, number: int) -> Iterator[tuple[int, Placement
     elif kind == LINK:
         yield number, Placement()
     elif kind in (GEOM, SITE, CAMERA):
-        what = {GEOM: "geom", SITE: "site", CAMERA: "cam"}[kind]
-        place, turn, body = (getattr(m, f"{what}_{field}")[number] for field in ("pos", "quat", "bodyid"))
-        yield int(body), Placement.of_quaternion(place, turn)
+        prefix = {GEOM: "geom", SITE: "site", CAMERA: "cam"}[kind]
+        position, turn, body = (getattr(m, f"{prefix}_{field}")[number] for field in ("pos", "quat", "bodyid"))
+        yield int(body), Placement.of_quaternion(position, turn)

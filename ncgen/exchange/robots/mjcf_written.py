@@ -45,12 +45,12 @@ def text_of(robot: Robot) -> str:
         row = [joint]
         while _is_between(robot.links[row[-1].child], carried[row[-1].child]) and row[-1].child not in tied:
             row += carried[row[-1].child]
-        own, place, joints = row[-1].child, Placement(), list[str]()
+        name, placement, joints = row[-1].child, Placement(), list[str]()
         for each in reversed(row):  # place: of the link's frame in that of the joint
-            joints = _joint_text(each, place.inverse()) + joints
-            place = each.placement @ place
-        parts = [*joints, *_inertial(robot.links[own]), *geoms(own), *map(body, carried[own])]
-        return element("body", parts, name=own, pos=place.position, quat=place.quaternion)
+            joints = _joint_text(each, placement.inverse()) + joints
+            placement = each.placement @ placement
+        parts = [*joints, *_inertial(robot.links[name]), *geoms(name), *map(body, carried[name])]
+        return element("body", parts, name=name, pos=placement.position, quat=placement.quaternion)
 
     compiler = element("compiler", angle="radian", inertiafromgeom="false")
     parts = [compiler, element("option", gravity=robot.gravity)]
@@ -75,8 +75,8 @@ def _geom_text(shape: Shape, meshes: Mapping[tuple[str, tuple[float, ...]], str]
     sizes = [factor * size for factor, size in zip(halves.get(shape.kind, (1.0,) * len(shape.sizes)), shape.sizes, strict=True)]
     attributes: dict[str, Any] = {"mesh": meshes[shape.file, shape.sizes]} if shape.file else {"size": sizes}
     attributes |= {"rgba": rgba_of(shape.colour)} if shape.colour else {}
-    place = {"pos": shape.placement.position, "quat": shape.placement.quaternion}
-    return element("geom", type=shape.kind, **attributes, **place, mass=0.0, contype=0.0, conaffinity=0.0, group=1.0)
+    pose = {"pos": shape.placement.position, "quat": shape.placement.quaternion}
+    return element("geom", type=shape.kind, **attributes, **pose, mass=0.0, contype=0.0, conaffinity=0.0, group=1.0)
 
 
 def _loop_text(loop: Joint, frames: dict[str, Placement], root: str) -> list[str]:
@@ -89,9 +89,9 @@ def _loop_text(loop: Joint, frames: dict[str, Placement], root: str) -> list[str
             f"joint {loop.name}: MJCF closes loops by connections and welds, not by a {loop.kind} joint that has more; write SDF"
         )
     at_parent = frames[loop.parent].inverse() @ loop.placement
-    places = [at_parent.position] if loop.kind == "spherical" else [at_parent.position, at_parent.at(loop.axis)]
+    anchors = [at_parent.position] if loop.kind == "spherical" else [at_parent.position, at_parent.at(loop.axis)]
     names = [loop.name, f"{loop.name}_axis"]
-    return [element("connect", name=name, body1=first, body2=second, anchor=place) for name, place in zip(names, places, strict=False)]
+    return [element("connect", name=name, body1=first, body2=second, anchor=anchor) for name, anchor in zip(names, anchors, strict=False)]
 
 
 def _mimic_text(name: str, mimic: Mimic) -> str:

@@ -37,8 +37,8 @@ def add_motors(model: Model, robot: Robot, joints: Mapping[str, Joint], coordina
         if not all(name in coordinates for name in actuator.shares):
             continue
         inputs[actuator.name], force = _force(model, actuator, coordinates)
-        for name, share in actuator.shares.items():
-            totals[name] = totals.get(name, 0) + share * force
+        for name, coefficient in actuator.shares.items():
+            totals[name] = totals.get(name, 0) + coefficient * force
     for name, total in totals.items():
         model.torque(coordinates[name], bounded(total, joints[name].effort), f"motors of {coordinates[name].name}")
     return inputs
@@ -52,21 +52,22 @@ def away_from_zero(robot: Robot, joints: Mapping[str, Joint]) -> list[str]:
 
 def _of_joints(joints: Mapping[str, Joint], coordinates: Mapping[str, Relative], named: Collection[str]) -> list[Actuator]:
     """A motor for each joint that has a coordinate of its own, of these names if there are any."""
-    own = [name for name in coordinates if name in joints and joints[name].mimic is None]
-    return [Actuator(name=PREFIX + name, shares={name: 1.0}) for name in own if name in named or not named]
+    names = [name for name in coordinates if name in joints and joints[name].mimic is None]
+    return [Actuator(name=PREFIX + name, shares={name: 1.0}) for name in names if name in named or not named]
 
 
 def _force(model: Model, actuator: Actuator, coordinates: Mapping[str, Relative]) -> tuple[str, sympy.Expr]:
     """An actuator's input by name, and its force (N m or N over the shares)."""
     import sympy
 
-    own = [(share, coordinates[name]) for name, share in actuator.shares.items()]
-    unit = "" if actuator.gain != (1.0, 0.0, 0.0) or len(own) > 1 or abs(own[0][0]) != 1 else "N m" if isinstance(own[0][1], Angle) else "N"
+    terms = [(coefficient, coordinates[name]) for name, coefficient in actuator.shares.items()]
+    has_unit = actuator.gain == (1.0, 0.0, 0.0) and len(terms) == 1 and abs(terms[0][0]) == 1
+    unit = "" if not has_unit else "N m" if isinstance(terms[0][1], Angle) else "N"
     name = word(actuator.name, "motor")
     name = model.free_name(name if model.bearer(name) is None else PREFIX + name)
     u = bounded(model.input(name, unit).symbol, actuator.control)
-    length: sympy.Expr = sympy.Add(*(share * c.symbol for share, c in own))
-    rate: sympy.Expr = sympy.Add(*(share * c.rate for share, c in own))
+    length: sympy.Expr = sympy.Add(*(coefficient * c.symbol for coefficient, c in terms))
+    rate: sympy.Expr = sympy.Add(*(coefficient * c.rate for coefficient, c in terms))
     gain, bias = (a + b * length + c * rate for a, b, c in (actuator.gain, actuator.bias))
     return name, bounded(gain * u + bias, actuator.force)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, RobotSolid
+from ncgen.exchange.robots.layout import Hold, Layer, Layout, PlannedElement, RobotSolid
 from ncgen.exchange.robots.parameters import GEOMETRY, Parts, Shift, add_part, homes_of, parts_of, shifted, shifts_of
 from ncgen.exchange.robots.placement import rotation_about
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
@@ -82,9 +82,9 @@ def _add_sensors(builder: _Builder, robot: Robot) -> None:
 
     model = builder.model
     frames = {
-        name: (builder.bodies[solid], builder.layout.frames[link] @ place)
+        name: (builder.bodies[solid], builder.layout.frames[link] @ placement)
         for link, solid in builder.layout.solids.items()
-        for name, place in builder.robot.links[link].frames.items()
+        for name, placement in builder.robot.links[link].frames.items()
     }
     model.left_out = left(model.left_out, SENSORS, add_sensors(model, robot, frames, builder.coordinates))
 
@@ -95,17 +95,17 @@ def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str
 
     bodies: {link without those fixed to it: name of its body}, the ground's among them
     """
-    homes, places, links = homes_of(robot), robot.frames(robot.base), robot.links
-    own, others = dict[str, BodyFrame](), dict[str, BodyFrame]()
-    for name, at in places.items():
+    homes, placements, links = homes_of(robot), robot.frames(robot.base), robot.links
+    origins, others = dict[str, BodyFrame](), dict[str, BodyFrame]()
+    for name, at in placements.items():
         body, link = bodies[homes[name]], links[name]
-        for named_places, named in ((own, {name: link.origin} if link.origin else {}), (others, link.sites)):
-            for each, place in named.items():
-                stands = at @ place
+        for named_places, named in ((origins, {name: link.origin} if link.origin else {}), (others, link.sites)):
+            for each, placement in named.items():
+                stands = at @ placement
                 named_places[each] = BodyFrame(body, stands.rotation, stands.position)
-    others |= {name: BodyFrame(bodies[ground], place.rotation, place.position) for name, place in robot.resting.items()}
-    both = own.keys() & others.keys()
-    kinds = zip(robot.words, (own, others), strict=True)
+    others |= {name: BodyFrame(bodies[ground], placement.rotation, placement.position) for name, placement in robot.resting.items()}
+    both = origins.keys() & others.keys()
+    kinds = zip(robot.words, (origins, others), strict=True)
     return {f"{kind}:{name}" if name in both else name: frame for kind, named in kinds for name, frame in named.items()}
 
 
@@ -116,7 +116,7 @@ class _Builder:
         self.parts: Mapping[str, Parts] = parts_of(robot, floating, as_parameters) if as_parameters else {}
         self.shifts: Mapping[str, Shift] = shifts_of(self.model, robot, as_parameters) if as_parameters else {}
         self.layout: Layout = Layer(self.robot, floating, bool(self.shifts)).layout()
-        self.elements: dict[Place, Spatial] = {}
+        self.elements: dict[PlannedElement, Spatial] = {}
         self.bodies: dict[RobotSolid, Body] = {self.layout.ground: self.model.ground}
         self.coordinates: dict[str, Relative] = {}
 
@@ -151,19 +151,19 @@ class _Builder:
         from ncgen.exchange.robots.starts import named_start
 
         moving = [(solid.name, self.bodies[solid].elements) for solid in self.layout.solids.values()]
-        places = {each: (name, each.initial) for name, elements in moving for each in elements}
+        moving_elements = {each: (name, each.initial) for name, elements in moving for each in elements}
         for name, start in self.robot.starts.items():
-            self.model.starts[name] = named_start(start, self.robot, self.layout.frames, places, self.coordinates)
+            self.model.starts[name] = named_start(start, self.robot, self.layout.frames, moving_elements, self.coordinates)
 
     def _elements(self) -> None:
-        fixed = set(self.layout.ground.places)
+        fixed = set(self.layout.ground.planned)
         for solid in (self.layout.ground, *self.layout.solids.values()):
-            for place in solid.places:
-                if place not in self.elements:
-                    make = self.model.point if place.is_point else self.model.vector
+            for planned in solid.planned:
+                if planned not in self.elements:
+                    make = self.model.point if planned.is_point else self.model.vector
                     with _labelled_errors(self.robot.links[solid.name].where):
-                        value = shifted(place.value, self.shifts.get(place.link)) if place.is_point else place.value.tolist()
-                        self.elements[place] = make(self._free(place.name), value, fixed=place in fixed)
+                        value = shifted(planned.value, self.shifts.get(planned.link)) if planned.is_point else planned.value.tolist()
+                        self.elements[planned] = make(self._free(planned.name), value, fixed=planned in fixed)
 
     def _free(self, name: str) -> str:
         """A name that nothing has yet."""
@@ -172,7 +172,7 @@ class _Builder:
     def _body(self, solid: RobotSolid) -> None:
         link, frame, parts = self.robot.links[solid.name], self.layout.frames[solid.name], self.parts.get(solid.name)
         mass = parts.fixed if parts else link.mass.seen_from(frame) if link.mass else None
-        elements = [self.elements[place] for place in solid.places]
+        elements = [self.elements[planned] for planned in solid.planned]
         points = [e for e in elements if isinstance(e, Point)]
         vectors = [e for e in elements if isinstance(e, Vector)]
         taken = {self.model.ground.name, *self.model.bodies}
@@ -190,8 +190,10 @@ class _Builder:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
                 self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor, **as_given)
-            for part in parts.chosen if parts else ():
-                add_part(self.model, self.bodies[solid], part, word(part.name, "link"), self._as_given(part.name), shift, basis)
+            for rigid_part in parts.chosen if parts else ():
+                add_part(
+                    self.model, self.bodies[solid], rigid_part, word(rigid_part.name, "link"), self._as_given(rigid_part.name), shift, basis
+                )
 
     def _as_given(self, link: str) -> dict[str, Any]:
         """The argument that marks a link whose moments of inertia no body has; empty for others, of which a model's file says nothing."""
@@ -273,7 +275,7 @@ class _Builder:
     def _angle(self, hold: Hold, a: Body, b: Body) -> Relative:
         """A hinge's angle, measured from a direction of the parent to one of the child which are the same at 0."""
         axis = self._vector(hold.axis)
-        across = _across(axis.initial, [place.value for solid in (hold.child, hold.parent) for place in solid.vectors])
+        across = _across(axis.initial, [planned.value for solid in (hold.child, hold.parent) for planned in solid.vectors])
         begins = hold.joint.start
         back = product(rotation_about(hold.sign * axis.initial, -begins), across) if begins else across
         start, end = self._direction(a, back, hold), self._direction(b, across, hold)
@@ -283,14 +285,14 @@ class _Builder:
         """The point of the parent from which a slider counts."""
         if not joint.start:
             return start
-        place = [x - joint.start * float(e) for x, e in zip(start.given, axis, strict=True)]
+        position = [x - joint.start * float(e) for x, e in zip(start.given, axis, strict=True)]
         name = self._free(f"z_{joint.name}")
-        return self.model.point(name, place, fixed=True) if a is self.model.ground else self.model.attach_point(a, name, place)
+        return self.model.point(name, position, fixed=True) if a is self.model.ground else self.model.attach_point(a, name, position)
 
     def _direction(self, body: Body, direction: np.ndarray, hold: Hold) -> Spatial | Combination:
         """A direction of a body; on the ground one of its vectors, or a new one."""
         if body is self.model.ground:
-            known = (self._vector(place) for place in self.layout.ground.vectors if np.array_equal(place.value, direction))
+            known = (self._vector(planned) for planned in self.layout.ground.vectors if np.array_equal(planned.value, direction))
             return next(known, None) or self.model.vector(self._free(f"e_{hold.joint.name}"), direction.tolist(), fixed=True)
         global_direction = self.model.direction_of(body, direction, "across")
         return (
@@ -302,13 +304,13 @@ class _Builder:
         joint, mimic = hold.joint, hold.joint.mimic
         if mimic is None:
             return
-        own, other = self.coordinates.get(joint.name), self.coordinates.get(mimic.joint)
-        if own is None or other is None:
-            what = f"joint {joint.name} is no hinge or slider" if own is None else f"there is no joint {shown(mimic.joint)} that moves"
-            raise ModelError(f"{joint.where}: joint {joint.name}: {what}, so one cannot mimic the other")
-        if own is other:
+        follower, other = self.coordinates.get(joint.name), self.coordinates.get(mimic.joint)
+        if follower is None or other is None:
+            why = f"joint {joint.name} is no hinge or slider" if follower is None else f"there is no joint {shown(mimic.joint)} that moves"
+            raise ModelError(f"{joint.where}: joint {joint.name}: {why}, so one cannot mimic the other")
+        if follower is other:
             raise ModelError(f"{joint.where}: joint {joint.name} mimics itself; name another joint")
-        self.model.constrain(own.symbol - mimic.factor * other.symbol - mimic.offset, f"{own.name} follows {other.name}")
+        self.model.follow(follower, other, mimic.factor, mimic.offset)
 
     def _couple(self, coupling: Coupling) -> None:
         """The row of joints that move together."""
@@ -316,34 +318,34 @@ class _Builder:
             raise ModelError(
                 f"{coupling.where}: {coupling.name}: joint {missing[0]} is no hinge or slider, so nothing can be coupled to it"
             )
-        own, other = (
-            sum(share * (self.coordinates[name].symbol - coupling.zeros.get(name, 0.0)) for name, share in shares.items())
+        total, other = (
+            sum(coefficient * (self.coordinates[name].symbol - coupling.zeros.get(name, 0.0)) for name, coefficient in shares.items())
             for shares in (coupling.shares, coupling.others)
         )
         follows = sum(factor * other**power for power, factor in enumerate(coupling.powers, 1) if factor)
-        self.model.constrain(own - follows - coupling.offset, coupling.name)
+        self.model.constrain(total - follows - coupling.offset, coupling.name)
 
     def _draw(self) -> None:
         """Every body from the joint that carries it to the others, and the axes of the joints."""
         carried = {hold.child: hold.end for hold in self.layout.holds if hold.end and not hold.closes}
         for solid in self.layout.solids.values():
             first = carried.get(solid) or solid.points[0]
-            for place in solid.points:
-                if place is not first:
-                    self.model.line(self._point(first), self._point(place))
+            for planned in solid.points:
+                if planned is not first:
+                    self.model.line(self._point(first), self._point(planned))
         for hold in self.layout.holds:
             if hold.axis and hold.end:
                 self.model.arrow(self._point(hold.end), self._vector(hold.axis))
 
-    def _point(self, place: Place | None) -> Point:
-        assert place is not None
-        point = self.elements[place]
+    def _point(self, planned: PlannedElement | None) -> Point:
+        assert planned is not None
+        point = self.elements[planned]
         assert isinstance(point, Point)
         return point
 
-    def _vector(self, place: Place | None) -> Vector:
-        assert place is not None
-        vector = self.elements[place]
+    def _vector(self, planned: PlannedElement | None) -> Vector:
+        assert planned is not None
+        vector = self.elements[planned]
         assert isinstance(vector, Vector)
         return vector
 

@@ -55,7 +55,7 @@ class _Teller:
         self.space, self.model = space, space.kernels.model
         self.names = [link.body.name for link in self.space.tree.links]
         self.root = next(name for name in (ROOT, f"{ROOT}_", f"{ROOT}__") if name not in self.names)
-        self.coordinates = {k: (c, share) for c, (k, share) in self.space.followed.items()}
+        self.coordinates = {k: (c, factor) for c, (k, factor) in self.space.followed.items()}
         self.origins = [origin_of(link) for link in self.space.tree.links]
 
     def robot(self) -> Robot:
@@ -75,11 +75,11 @@ class _Teller:
         parent = self.root if link.parent is None else self.names[link.parent]
         position = self.origins[number] - (0.0 if link.parent is None else self.origins[link.parent])
         kind, axis = self._kind(link)
-        coordinate, share = None, 1.0
+        coordinate, factor = None, 1.0
         if kind in ("revolute", "prismatic"):
             (rate,) = self.space.tree.rates[number]
-            coordinate, share = self.coordinates.get(rate, (None, 1.0))
-        axis = axis if share > 0 else -axis
+            coordinate, factor = self.coordinates.get(rate, (None, 1.0))
+        axis = axis if factor > 0 else -axis
         if coordinate is None:
             return Joint(
                 name=f"joint_{link.body.name}",

@@ -84,11 +84,11 @@ def parts_of(robot: Robot, floating: bool, as_parameters: Sequence[str]) -> dict
         for name in (name for name in moving if homes[name] == home):
             mass, origin = robot.links[name].mass, robot.links[name].origin or Placement()
             if name in chosen:
-                own = mass.seen_from(origin.inverse()) if mass else Mass(0.0, np.zeros(3), np.zeros((3, 3)))
-                parts.append(RigidPart(name, own, frames[name] @ origin))
+                part_mass = mass.seen_from(origin.inverse()) if mass else Mass(0.0, np.zeros(3), np.zeros((3, 3)))
+                parts.append(RigidPart(name, part_mass, frames[name] @ origin))
             elif mass:
-                own = mass.seen_from(frames[name])
-                fixed = fixed.plus(own) if fixed else own
+                part_mass = mass.seen_from(frames[name])
+                fixed = fixed.plus(part_mass) if fixed else part_mass
         parts_by_link[home] = Parts(fixed, tuple(parts))
     return parts_by_link
 
@@ -115,18 +115,18 @@ def shifts_of(model: Model, robot: Robot, as_parameters: Sequence[str]) -> dict[
         return {}
     lifted = any(link.lifted for link in robot.links.values())
     held = {"loops": robot.loops, "states of its own": robot.starts, "compensated weights": lifted}
-    if problem := next((what for what, present in held.items() if present), None):
+    if problem := next((problem_words for problem_words, present in held.items() if present), None):
         raise ModelError(f"parameters: {robot.name} has {problem}, so that placements of its joints stay numbers; leave geometry out")
     frames, none = robot.frames(robot.base), (0.0, 0.0, 0.0)
     shifts: dict[str, Shift] = {robot.root: none}
     for joint in robot.joints:
         x, y, z = shifts[joint.parent]
         if joint in chosen:
-            place = joint.placement.position
+            position = joint.placement.position
             names = [f"{word(joint.name, 'joint')}.origin.{axis}" for axis in AXES]
-            made = [model.parameter(model.free_name(name), float(at), "m").symbol for name, at in zip(names, place, strict=True)]
+            made = [model.parameter(model.free_name(name), float(at), "m").symbol for name, at in zip(names, position, strict=True)]
             rotation = cleaned(frames[joint.parent].rotation)
-            along = [combined(rotation[i], made) - float(rotation[i] @ place) for i in range(3)]
+            along = [combined(rotation[i], made) - float(rotation[i] @ position) for i in range(3)]
             x, y, z = (a + b for a, b in zip((x, y, z), along, strict=True))
         shifts[joint.child] = x, y, z
     return shifts
@@ -137,15 +137,15 @@ def cleaned(rotation: np.ndarray) -> np.ndarray:
     return np.where(np.abs(rotation) < ROUNDING, 0.0, rotation)
 
 
-def shifted(place: np.ndarray, shift: Shift | None) -> list[Scalar]:
+def shifted(position: np.ndarray, shift: Shift | None) -> list[Scalar]:
     """A place (3,) that goes with a link."""
-    return place.tolist() if shift is None else [float(x) + more for x, more in zip(place, shift, strict=True)]
+    return position.tolist() if shift is None else [float(x) + more for x, more in zip(position, shift, strict=True)]
 
 
 def add_part(
     model: Model,
     body: Body,
-    part: RigidPart,
+    rigid_part: RigidPart,
     begin: str,
     as_given: Mapping[str, Any],
     shift: Shift | None = None,
@@ -157,18 +157,18 @@ def add_part(
     """
     names = ["mass", *(f"centre.{axis}" for axis in AXES), *(f"inertia.{AXES[i]}{AXES[j]}" for i, j in ENTRIES)]
     first = numbered(begin, lambda wish: any(model.bearer(f"{wish}.{name}") is not None for name in names))
-    values = [part.mass.mass, *part.mass.com, *(part.mass.tensor[i, j] for i, j in ENTRIES)]
+    values = [rigid_part.mass.mass, *rigid_part.mass.com, *(rigid_part.mass.tensor[i, j] for i, j in ENTRIES)]
     units = ["kg", *["m"] * 3, *["kg m2"] * 6]
     made = [model.parameter(f"{first}.{name}", float(value), unit).symbol for name, value, unit in zip(names, values, units, strict=True)]
-    rotation = cleaned(part.frame.rotation)
-    com = [x + combined(rotation[i], made[1:4]) for i, x in enumerate(shifted(part.frame.position, shift))]
+    rotation = cleaned(rigid_part.frame.rotation)
+    com = [x + combined(rotation[i], made[1:4]) for i, x in enumerate(shifted(rigid_part.frame.position, shift))]
     tensor: list[list[Scalar]] = [[0.0] * 3 for _ in AXES]
     for i, j in ENTRIES:
         shares = [rotation[i, k] * rotation[j, l] + (rotation[i, l] * rotation[j, k] if k != l else 0.0) for k, l in ENTRIES]
         tensor[i][j] = tensor[j][i] = combined(np.where(np.abs(shares) < ROUNDING, 0.0, shares), made[4:])
-    model.payload(body, part.name, made[0], com, tensor, basis, **as_given)
+    model.payload(body, rigid_part.name, made[0], com, tensor, basis, **as_given)
 
 
 def combined(shares: Sequence[float] | np.ndarray, values: Sequence[Scalar]) -> Scalar:
     """Σ share · value, without what has no share."""
-    return sum(float(share) * value if share != 1.0 else value for share, value in zip(shares, values, strict=True) if share)
+    return sum(float(factor) * value if factor != 1.0 else value for factor, value in zip(shares, values, strict=True) if factor)

@@ -45,10 +45,10 @@ def _damping(joint: Joint, v: sympy.Expr) -> sympy.Expr | float:
     return joint.damping + sum(factor * sympy.Abs(v) ** power for power, factor in enumerate(joint.more_damping, 1) if factor)
 
 
-def point_of(model: Model, body: Body, place: np.ndarray) -> Combination:
+def point_of(model: Model, body: Body, position: np.ndarray) -> Combination:
     """A point of a body, by where it is initially (3,)."""
     first = body.points[0]
-    offset = place - first.initial
+    offset = position - first.initial
     return as_combination(first) + model.direction_of(body, offset.tolist(), "arm") if offset.any() else as_combination(first)
 
 
@@ -128,13 +128,13 @@ def _spring_of_place(model: Model, body: Body, joint: Joint, origin: np.ndarray,
     """The force at a free body's origin, which is at rest where the model begins."""
     import sympy
 
-    place = point_of(model, body, origin)
-    offset = expressions(place) - sympy.Matrix(origin.tolist())
+    attached = point_of(model, body, origin)
+    offset = expressions(attached) - sympy.Matrix(origin.tolist())
     size = sympy.sqrt(offset.dot(offset) + LEAST_SINE**2)
     axes = [sympy.Matrix(axis) for axis in np.eye(3).tolist()]
-    force = -_stiffness(joint, size) * offset - _damped(joint, expressions(place, 1), axes)
+    force = -_stiffness(joint, size) * offset - _damped(joint, expressions(attached, 1), axes)
     first = body.points[0]
     model.force(first, list(force), f"{label}, force")
-    arm = expressions(place) - expressions(as_combination(first))
+    arm = expressions(attached) - expressions(as_combination(first))
     if not arm.is_zero_matrix:
         model.couple(body, list(arm.cross(force)), f"{label}, moment of the force")

@@ -74,7 +74,7 @@ class Link:
         """The same, where its own frame stands in another one like this."""
         mass = None if self.mass is None else self.mass.seen_from(frame)
         shapes, lifted = (tuple(each.seen_from(frame) for each in some) for some in (self.shapes, self.lifted))
-        frames, sites = ({name: frame @ own for name, own in some.items()} for some in (self.frames, self.sites))
+        frames, sites = ({name: frame @ placement for name, placement in some.items()} for some in (self.frames, self.sites))
         origin = frame @ self.origin if self.origin else None
         return replace(self, mass=mass, shapes=shapes, lifted=lifted, frames=frames, origin=origin, sites=sites)
 
@@ -311,15 +311,15 @@ def refused(where: str, problem: str) -> ModelError:
     return ModelError(f"{where}: {problem}" if where else problem)
 
 
-def hung(robot: Robot, places: Mapping[str, Placement]) -> Robot:
+def hung(robot: Robot, placements: Mapping[str, Placement]) -> Robot:
     """A robot, ordered, whose file says where things are in the world instead of in each other.
 
-    robot: with joints' placements in the world, its masses in frames of the file's own; places: {link: that frame in the world}
+    robot: with joints' placements in the world, its masses in frames of the file's own; placements: {link: that frame in the world}
     """
-    frames = {**places, **{joint.child: joint.placement for joint in robot.joints}}
+    frames = {**placements, **{joint.child: joint.placement for joint in robot.joints}}
 
     def moved(link: Link) -> Link:
-        return link.seen_from(frames[link.name].inverse() @ places[link.name])
+        return link.seen_from(frames[link.name].inverse() @ placements[link.name])
 
     links = {name: moved(link) for name, link in robot.links.items()}
     joints = (replace(joint, placement=frames[joint.parent].inverse() @ joint.placement) for joint in robot.joints)
@@ -329,12 +329,12 @@ def hung(robot: Robot, places: Mapping[str, Placement]) -> Robot:
     return replace(arranged, base=base, loops=tuple(loops))
 
 
-def unique(items: Iterable[Link | Joint], what: str) -> None:
+def unique(items: Iterable[Link | Joint], kind: str) -> None:
     """Refuse two of the same name."""
     known: set[str] = set()
     for item in items:
         if item.name in known:
-            raise ModelError(f"{item.where}: there are two {what}s {shown(item.name)}; rename one")
+            raise ModelError(f"{item.where}: there are two {kind}s {shown(item.name)}; rename one")
         known.add(item.name)
 
 
@@ -344,17 +344,17 @@ def together(robot: Robot) -> Robot:
     links = dict(robot.links)
     joints = []
     for joint in robot.joints:
-        body, place = home[joint.parent]
-        placed = place @ joint.placement
+        body, placement = home[joint.parent]
+        placed = placement @ joint.placement
         if joint.kind != "fixed":
             home[joint.child] = joint.child, Placement()
             joints.append(replace(joint, parent=body, placement=placed))
             continue
         home[joint.child] = body, placed
-        own, more = links[body], links.pop(joint.child).seen_from(placed)
-        mass = own.mass.plus(more.mass) if own.mass and more.mass else own.mass or more.mass
-        shapes, lifted = (*own.shapes, *more.shapes), (*own.lifted, *more.lifted)
-        links[body] = replace(own, mass=mass, shapes=shapes, lifted=lifted, frames={**own.frames, **more.frames})
+        link, more = links[body], links.pop(joint.child).seen_from(placed)
+        mass = link.mass.plus(more.mass) if link.mass and more.mass else link.mass or more.mass
+        shapes, lifted = (*link.shapes, *more.shapes), (*link.lifted, *more.lifted)
+        links[body] = replace(link, mass=mass, shapes=shapes, lifted=lifted, frames={**link.frames, **more.frames})
     for loop in robot.loops:
         if home[loop.parent][0] == home[loop.child][0]:
             raise refused(loop.where, changes_nothing(loop, f"links {loop.parent} and {loop.child} are fixed to each other"))

@@ -89,33 +89,33 @@ class _Reader:
         links = {name: self.link(entry) for name, entry in entries.items()}
         resting = [name for name, entry in entries.items() if entry.scope.static]
         joints = [joint for entry in self.moving if (joint := self.joint(entry)) is not None]
-        places = {name: entry.scope.place(entry.element.name(), entry.element) for name, entry in entries.items()}
-        sites = self._sites(places)
+        placements = {name: entry.scope.place(entry.element.name(), entry.element) for name, entry in entries.items()}
+        sites = self._sites(placements)
         links = {name: replace(link, sites=sites.get(name, {})) for name, link in links.items()}
         gears = tuple(self._gear(each, joints) for each in self.gears)
         welds = [
-            Joint(name=numbered(f"{name}.rests", entries.__contains__), kind="fixed", parent=WORLD, child=name, placement=places[name])
+            Joint(name=numbered(f"{name}.rests", entries.__contains__), kind="fixed", parent=WORLD, child=name, placement=placements[name])
             for name in resting
         ]
         joints = [*welds, *joints]
         if any(WORLD in (joint.parent, joint.child) for joint in joints):
-            links, places = {WORLD: Link(name=WORLD, mass=None), **links}, {WORLD: Placement(), **places}
-        return replace(self._tree(links, joints, places), rows=gears, resting=sites.get(WORLD, {}))
+            links, placements = {WORLD: Link(name=WORLD, mass=None), **links}, {WORLD: Placement(), **placements}
+        return replace(self._tree(links, joints, placements), rows=gears, resting=sites.get(WORLD, {}))
 
-    def _sites(self, places: Mapping[str, Placement]) -> dict[str, dict[str, Placement]]:
+    def _sites(self, placements: Mapping[str, Placement]) -> dict[str, dict[str, Placement]]:
         """{link: {frame that moves with it: where it is in the link}}, those of the world among them. Raises ModelError for one that is
-        placed or attached nowhere. places: of links in the world"""
+        placed or attached nowhere. placements: of links in the world"""
         sites: dict[str, dict[str, Placement]] = {}
         for entry in self.entries("frame"):
             name = entry.element.name()
-            place = entry.scope.place(name, entry.element)
+            placement = entry.scope.place(name, entry.element)
             home = entry.scope.body(name) or (WORLD if entry.scope.static else None)
             if home is None:
                 entry.element.refuse(f"frame {name}: what it is attached to moves with no link; name a link, a joint, a frame or a model")
-            sites.setdefault(home, {})[entry.full] = places[home].inverse() @ place if home != WORLD else place
+            sites.setdefault(home, {})[entry.full] = placements[home].inverse() @ placement if home != WORLD else placement
         return sites
 
-    def _tree(self, links: dict[str, Link], joints: list[Joint], places: dict[str, Placement]) -> Robot:
+    def _tree(self, links: dict[str, Link], joints: list[Joint], placements: dict[str, Placement]) -> Robot:
         """A tree of what hangs together; what else moves freely hangs on the world."""
         tree, loops = spanned(links, joints, WORLD)
         carried = {joint.child for joint in tree}
@@ -123,17 +123,19 @@ class _Reader:
         floats = roots[0] != WORLD and len(roots) == 1
         if not floats:
             if WORLD not in links:
-                links, places = {WORLD: Link(name=WORLD, mass=None), **links}, {WORLD: Placement(), **places}
+                links, placements = {WORLD: Link(name=WORLD, mass=None), **links}, {WORLD: Placement(), **placements}
             free = (name for name in roots if name != WORLD)
             tree += [
-                Joint(name=numbered(f"{name}.free", links.__contains__), kind="floating", parent=WORLD, child=name, placement=places[name])
+                Joint(
+                    name=numbered(f"{name}.free", links.__contains__), kind="floating", parent=WORLD, child=name, placement=placements[name]
+                )
                 for name in free
             ]
         omitted = self._omitted([*tree, *loops])
         robot = Robot(
             name=self._name(), links=links, joints=tuple(tree), loops=tuple(loops), gravity=self._gravity(), floats=floats, omitted=omitted
         )
-        return hung(robot, places)
+        return hung(robot, placements)
 
     def _name(self) -> str:
         """That of the only model that moves, else of the world."""
@@ -243,7 +245,7 @@ class _Reader:
         each = entry.element
         name, body = each.name(), self._end(entry, "gearbox_reference_body")
         shares: dict[str, float] = {}
-        for tag, axis, share in (("parent", "axis", _number(each, "gearbox_ratio", 1.0)), ("child", "axis2", 1.0)):
+        for tag, axis, factor in (("parent", "axis", _number(each, "gearbox_ratio", 1.0)), ("child", "axis2", 1.0)):
             link = self._end(entry, tag)
             about = entry.scope.place(name, each).along(self._axis(entry, each.first(axis)))
             hinges = (joint for joint in joints if joint.kind == "revolute" and {joint.parent, joint.child} == {link, body})
@@ -251,7 +253,7 @@ class _Reader:
             hinge = next((joint for joint, cosine in along.items() if abs(cosine) > ALIGNED), None)
             if hinge is None:
                 each.refuse(f"joint {name}: no hinge along its {axis} joins its {tag} {shown(link)} to {shown(body)}; give it one")
-            shares[hinge] = shares.get(hinge, 0.0) + share * float(np.sign(along[hinge]))
+            shares[hinge] = shares.get(hinge, 0.0) + factor * float(np.sign(along[hinge]))
         return Coupling(name=f"gearbox {name}", shares=shares, offset=0.0, where=each.place)
 
 

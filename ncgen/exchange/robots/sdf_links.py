@@ -53,8 +53,8 @@ def _of_shapes(entry: Entry, inertial: Markup, mass: float | None) -> Mass:
     usual = _number(inertial, "density", DEFAULT_DENSITY)
     total: Mass | None = None
     for each in shapes:
-        own = _of_shape(each, _number(each, "density", usual), entry).seen_from(_placed(each, entry))
-        total = own if total is None else total.plus(own)
+        shape_mass = _of_shape(each, _number(each, "density", usual), entry).seen_from(_placed(each, entry))
+        total = shape_mass if total is None else total.plus(shape_mass)
     assert total is not None, "no shape of several"
     if not total.mass > 0:
         inertial.refuse(f"link {name}: its collision shapes have no mass; give them a size and a density")
@@ -120,13 +120,13 @@ def look_of(visual: Markup, entry: Entry) -> Shape | Unseen:
     inside = geometry.children[0] if geometry and geometry.children else None
     diffuse = material.first("diffuse") if material else None
     colour = colour_of(diffuse.content(len(diffuse.text.split()))) if diffuse and len(diffuse.text.split()) in (3, 4) else None
-    place = _placed(visual, entry)
+    placement = _placed(visual, entry)
     if inside is None:
         return Unseen("none")
     if inside.tag == "mesh":
         scale = inside.first("scale")
-        return mesh(inside.only("uri").text, scale.content(3) if scale else (1.0, 1.0, 1.0), place, colour, entry.scope.file)
-    return shape(inside.tag, sizes_of(inside), place, colour) if inside.tag in SIZES and inside.tag != "cone" else Unseen(inside.tag)
+        return mesh(inside.only("uri").text, scale.content(3) if scale else (1.0, 1.0, 1.0), placement, colour, entry.scope.file)
+    return shape(inside.tag, sizes_of(inside), placement, colour) if inside.tag in SIZES and inside.tag != "cone" else Unseen(inside.tag)
 
 
 def _number(inside: Markup | None, tag: str, default: float) -> float:

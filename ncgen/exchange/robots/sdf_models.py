@@ -54,7 +54,7 @@ def document_of(root: Markup, path: Path) -> Document:
 def version_of(root: Markup) -> tuple[int, ...]:
     """Of a file's format."""
     text = root.attributes.get("version") or "1.7"
-    version = tuple(int(part) for part in text.split(".") if part.isdigit())
+    version = tuple(int(number) for number in text.split(".") if number.isdigit())
     if version < FIRST:
         root.refuse(f"SDF {text} is not read; convert it to 1.4 or later (gz sdf -p)")
     return max(version, LATER)
@@ -153,24 +153,24 @@ def file_of(uri: str, mentioned_in: Path) -> Path | None:
     kind, mark, rest = uri.partition("://")
     if "\0" in uri or (mark and kind not in ("model", "package", "file")):
         return None
-    places: Iterable[Path]
+    candidates: Iterable[Path]
     if kind in ("model", "package") and mark:
         package, _, inside = rest.partition("/")
-        places = (folder / inside for folder in folders_named(package, mentioned_in.resolve().parent))
+        candidates = (folder / inside for folder in folders_named(package, mentioned_in.resolve().parent))
     else:
-        places = [mentioned_in.resolve().parent / (rest if mark else uri)]
-    for place in places:
-        if is_file(place):
-            return place
-        if is_file(place / "model.config"):
-            return _described(place)
+        candidates = [mentioned_in.resolve().parent / (rest if mark else uri)]
+    for candidate in candidates:
+        if is_file(candidate):
+            return candidate
+        if is_file(candidate / "model.config"):
+            return _described(candidate)
     return None
 
 
 def _described(folder: Path) -> Path | None:
     """The file of the highest version that a model's description names."""
     named = [
-        (tuple(int(part) for part in (each.attributes.get("version") or "0").split(".") if part.isdigit()), each.text.strip())
+        (tuple(int(number) for number in (each.attributes.get("version") or "0").split(".") if number.isdigit()), each.text.strip())
         for each in read_markup(folder / "model.config").all("sdf")
     ]
     files = (folder / name for _, name in sorted(named, reverse=True) if "\0" not in name)

@@ -101,8 +101,8 @@ class Scope:
             return Placement()
         place_found = self.find(name)
         if place_found is None:
-            what = f"{asks.tag} {asks.attributes.get('name', '')}".strip()
-            asks.refuse(f"{what}: there is no link, joint or frame {shown(name)}")
+            label = f"{asks.tag} {asks.attributes.get('name', '')}".strip()
+            asks.refuse(f"{label}: there is no link, joint or frame {shown(name)}")
         return place_found.stood() if isinstance(place_found, Scope) else self._stood(place_found)
 
     def _stood(self, entry: Entry) -> Placement:
@@ -138,11 +138,11 @@ class Scope:
     @contextmanager
     def _waited(self, name: str, element: Markup) -> Iterator[None]:
         """While something is placed: what needs itself for it is refused."""
-        what = f"{element.tag} {name}"
+        label = f"{element.tag} {name}"
         if name in self.waiting:
-            element.refuse(f"{what} is placed relative to itself, by way of {', '.join(shown(n) for n in self.waiting[:3])}")
+            element.refuse(f"{label} is placed relative to itself, by way of {', '.join(shown(n) for n in self.waiting[:3])}")
         if len(self.waiting) > MAX_DEPTH:
-            element.refuse(f"{what} is placed relative to more than {MAX_DEPTH} others, one after the other; a robot needs no such row")
+            element.refuse(f"{label} is placed relative to more than {MAX_DEPTH} others, one after the other; a robot needs no such chain")
         self.waiting.append(name)
         yield
         self.waiting.pop()

@@ -80,9 +80,9 @@ def _mimic_text(mimic: Mimic) -> str:
 def _joint_text(joint: Joint, frame: Placement) -> str:
     """frame: of the joint in the model."""
     kind = WORDS.get(joint.kind, joint.kind)
-    for what, value in (("a rotor", joint.armature), (f"a {kind} joint", kind not in KINDS)):
+    for words, value in (("a rotor", joint.armature), (f"a {kind} joint", kind not in KINDS)):
         if value:
-            raise ModelError(f"joint {joint.name}: SDF cannot say {what}; write MJCF (.xml)")
+            raise ModelError(f"joint {joint.name}: SDF cannot say {words}; write MJCF (.xml)")
     parts = [element("parent", [joint.parent]), element("child", [joint.child]), _placed(frame, relative_to=MODEL)]
     if kind in ("revolute", "prismatic", "universal", "screw"):
         dynamics = {

@@ -116,8 +116,8 @@ def _along(model: Model, sensor: Sensor, coordinates: Mapping[str, Relative]) ->
     if not all(name in coordinates for name in sensor.of):
         return False
     is_rate = sensor.kind == "rate"
-    parts = [(share, coordinates[name]) for name, share in sensor.of.items()]
-    total = sympy.Add(*(share * (c.rate if is_rate else c.symbol) for share, c in parts))
+    parts = [(coefficient, coordinates[name]) for name, coefficient in sensor.of.items()]
+    total = sympy.Add(*(coefficient * (c.rate if is_rate else c.symbol) for coefficient, c in parts))
     (unit, *others) = {c.unit for _, c in parts}
     unit = "" if others else f"{unit}/s" if is_rate else unit
     model.output(_label(model, sensor.name), _cut(sensor, total), unit)

@@ -26,12 +26,12 @@ def named_start(
     start: RobotState,
     robot: Robot,
     frames: Mapping[str, Placement],
-    places: Mapping[Spatial, tuple[str, np.ndarray]],
+    elements: Mapping[Spatial, tuple[str, np.ndarray]],
     coordinates: Mapping[str, Relative],
 ) -> dict[str, Any]:
     """Arguments of `ncgen.simulate` for a state of a file.
 
-    robot: without fixed joints; frames: of its links where the model begins; places: {element: its link, and where it is then (3,)};
+    robot: without fixed joints; frames: of its links where the model begins; elements: {element: its link, and where it is then (3,)};
     coordinates: by joint
     """
     still = np.zeros(3)
@@ -39,10 +39,10 @@ def named_start(
     for joint in robot.joints:
         moving[joint.child] = _carried(moving[joint.parent], joint, start)
     q0, qd0 = dict[str, float](), dict[str, float]()
-    for element, (link, place) in places.items():
+    for element, (link, initial) in elements.items():
         now, before = moving[link], frames[link].inverse()
         is_point = isinstance(element, Point)
-        arm = now.frame.along(before.at(place) if is_point else before.along(place))
+        arm = now.frame.along(before.at(initial) if is_point else before.along(initial))
         position, rate = (now.frame.position + arm if is_point else arm), np.cross(now.turning, arm) + (now.velocity if is_point else 0.0)
         for component, value, change in zip(element.components, position.tolist(), rate.tolist(), strict=True):
             if not component.fixed:
@@ -71,7 +71,7 @@ def _carried(parent: _Moving, joint: Joint, start: RobotState) -> _Moving:
         slid = value * axis
         return _Moving(at_joint @ Placement(position=value * joint.axis), velocity + rate * axis + np.cross(turning, slid), turning)
     if joint.name in start.turned:
-        rotation, own = start.turned[joint.name]
+        rotation, velocity_in_joint = start.turned[joint.name]
         child = at_joint @ Placement(rotation)
-        return _Moving(child, velocity, turning + child.along(own))
+        return _Moving(child, velocity, turning + child.along(velocity_in_joint))
     return _Moving(at_joint, velocity, turning)

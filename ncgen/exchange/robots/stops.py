@@ -139,8 +139,8 @@ def left(omitted: Iterable[str], words: str, done: int) -> tuple[str, ...]:
     """What is left out, less so many of a kind."""
     remaining = []
     for sentence in omitted:
-        what, count = parted(sentence)
-        rest = count - done if what == words else None
+        kind, count = parted(sentence)
+        rest = count - done if kind == words else None
         if rest is None:
             remaining.append(sentence)
         elif rest:

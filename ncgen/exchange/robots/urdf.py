@@ -73,18 +73,18 @@ def _link(each: Markup, shapes: Iterable[Shape | Unseen]) -> Link:
 def _look(visual: Markup, root: Markup, path: Path) -> Shape | Unseen:
     geometry = visual.first("geometry")
     inside = geometry.children[0] if geometry and geometry.children else None
-    place, colour = _pose(visual), _colour(visual, root)
+    placement, colour = _pose(visual), _colour(visual, root)
     if inside is None or "quat_xyzw" in (visual.first("origin") or visual).attributes:
         return Unseen("none")
     match inside.tag:
         case "box":
-            return shape("box", inside.numbers("size", 3, (0.0, 0.0, 0.0)), place, colour)
+            return shape("box", inside.numbers("size", 3, (0.0, 0.0, 0.0)), placement, colour)
         case "sphere":
-            return shape("sphere", (inside.number("radius"),), place, colour)
+            return shape("sphere", (inside.number("radius"),), placement, colour)
         case "cylinder" | "capsule" as kind:
-            return shape(kind, (inside.number("radius"), inside.number("length")), place, colour)
+            return shape(kind, (inside.number("radius"), inside.number("length")), placement, colour)
         case "mesh":
-            return mesh(inside.attributes.get("filename", ""), inside.numbers("scale", 3, (1.0, 1.0, 1.0)), place, colour, path)
+            return mesh(inside.attributes.get("filename", ""), inside.numbers("scale", 3, (1.0, 1.0, 1.0)), placement, colour, path)
         case other:
             return Unseen(other)
 
@@ -189,9 +189,9 @@ def _link_text(link: Link) -> str:
 
 def _joint_text(joint: Joint) -> str:
     kind = "continuous" if joint.kind == "revolute" else joint.kind
-    for what, value in (("a ball", joint.kind == "spherical"), ("a spring", joint.stiffness), ("a rotor", joint.armature)):
+    for words, value in (("a ball", joint.kind == "spherical"), ("a spring", joint.stiffness), ("a rotor", joint.armature)):
         if value:
-            raise ModelError(f"joint {joint.name}: URDF cannot say {what}; write MJCF (.xml)")
+            raise ModelError(f"joint {joint.name}: URDF cannot say {words}; write MJCF (.xml)")
     parts = [element("parent", link=joint.parent), element("child", link=joint.child)]
     parts.append(element("origin", xyz=joint.placement.position, rpy=joint.placement.rpy))
     if kind in ("continuous", "prismatic", "planar"):

@@ -117,8 +117,8 @@ class _Elimination:
             product = graph.mul(multiplier, node)
             rows[k][c] = graph.sub(rows[k][c], product) if c in rows[k] else graph.neg(product)
             self.columns[c].add(k)
-            for sample, share in zip(self.numbers, shares, strict=True):
-                sample[k][c] = sample[k].get(c, 0.0) - share * sample[i][c]
+            for sample, factor in zip(self.numbers, shares, strict=True):
+                sample[k][c] = sample[k].get(c, 0.0) - factor * sample[i][c]
 
     def finish(self, i: int) -> None:
         """A pivot's row leaves."""
@@ -179,8 +179,8 @@ def solve_transposed(graph: Graph, factors: Factors, right: dict[int, int]) -> d
     return middle
 
 
-def _subtract(graph: Graph, work: dict[int, int], place: int, product: int) -> None:
-    work[place] = graph.sub(work[place], product) if place in work else graph.neg(product)
+def _subtract(graph: Graph, work: dict[int, int], column: int, product: int) -> None:
+    work[column] = graph.sub(work[column], product) if column in work else graph.neg(product)
 
 
 def times(graph: Graph, matrix: Matrix, vector: dict[int, int]) -> dict[int, int]:
@@ -273,8 +273,8 @@ def factor_symmetric(graph: Graph, matrix: Matrix, size: int, samples: Samples) 
 
 def _diagonal_price(i: int, rows: Rows, numbers: Numbers) -> tuple[float, int]:
     """(0, nonzeros) of a row with an admissible pivot; rows without one come after all others, the best of them first."""
-    share = min(abs(s[i][i]) / max((abs(x) for x in s[i].values()), default=1.0) for s in numbers)
-    return (0.0, len(rows[i])) if share >= LEAST_PIVOT else (1.0 - share, 0)
+    ratio = min(abs(s[i][i]) / max((abs(x) for x in s[i].values()), default=1.0) for s in numbers)
+    return (0.0, len(rows[i])) if ratio >= LEAST_PIVOT else (1.0 - ratio, 0)
 
 
 def solve_symmetric(graph: Graph, factors: SymmetricFactors, right: dict[int, int]) -> dict[int, int]:

@@ -88,17 +88,17 @@ def _minimum_degree(neighbours: list[set[int]], waits: list[set[int]]) -> tuple[
 def _index(order: list[int], columns: list[set[int]], entries: list[tuple[int, int, int]]) -> Elimination:
     """The plan as arrays."""
     size = len(order)
-    place = {u: k for k, u in enumerate(order)}
+    position = {u: k for k, u in enumerate(order)}
     column_start, column_rows = [0], []
     rows: list[list[tuple[int, int]]] = [[] for _ in range(size)]
     for k, reached in enumerate(columns):
-        for row in sorted(place[v] for v in reached):
+        for row in sorted(position[v] for v in reached):
             rows[row].append((k, len(column_rows)))
             column_rows.append(row)
         column_start.append(len(column_rows))
     into: list[list[tuple[int, int]]] = [[] for _ in range(size)]
     for i, j, value in entries:
-        low, high = sorted((place[i], place[j]))
+        low, high = sorted((position[i], position[j]))
         into[high].append((low, value))
     row_start, entry_start = [0], [0]
     for k in range(size):

@@ -42,8 +42,8 @@ def adjoint_of(program: Program, equations: Terms, outputs: int, prepared: int =
         bar = graph.load(BAR, k)
         weights[node] = graph.add(weights[node], bar) if node in weights else bar
     gradients = adjoints(graph, weights, moved)
-    slopes = [gradients.get(node, graph.const(0.0)) for node in moved]
-    made = line(graph, f"{program.name}_adjoint", (*program.inputs, BAR), slopes, equations)
+    derivatives = [gradients.get(node, graph.const(0.0)) for node in moved]
+    made = line(graph, f"{program.name}_adjoint", (*program.inputs, BAR), derivatives, equations)
     verify(made, {**lengths, BAR: outputs})
     return made
 

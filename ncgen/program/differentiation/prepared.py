@@ -32,9 +32,9 @@ def take_out(drafts: Sequence[Program], equations: Terms) -> tuple[Program | Non
         graph, outputs = _rearranged(graph, outputs, defaults)
         frontier = _frontier(graph, len(defaults), outputs)
     made = []
-    place = {node: len(equations.parameters) + k for k, node in enumerate(frontier)}
+    index = {node: len(equations.parameters) + k for k, node in enumerate(frontier)}
     for draft, nodes in zip(drafts, outputs, strict=True):
-        rest, new = _without(graph, nodes, place)
+        rest, new = _without(graph, nodes, index)
         made.append(line(rest, draft.name, draft.inputs, [new[node] for node in nodes], equations))
     return line(graph, "prepared", ("p",), frontier, equations) if frontier else None, made
 
@@ -74,13 +74,13 @@ def _frontier(graph: Graph, parameters: int, outputs: Sequence[Sequence[int]]) -
     return sorted(node for node in frontier if graph.ops[node].args)
 
 
-def _without(graph: Graph, outputs: Sequence[int], place: Mapping[int, int]) -> tuple[Graph, dict[int, int]]:
+def _without(graph: Graph, outputs: Sequence[int], index: Mapping[int, int]) -> tuple[Graph, dict[int, int]]:
     """A graph that loads what is prepared from its place in p, and its nodes for those of the other one."""
     rest, new = Graph(), dict[int, int]()
-    for node in sorted(graph.below(outputs, place)):
+    for node in sorted(graph.below(outputs, index)):
         op = graph.ops[node]
-        if node in place:
-            new[node] = rest.load("p", place[node])
+        if node in index:
+            new[node] = rest.load("p", index[node])
         elif op.code == "load":
             new[node] = rest.load(*op.input)
         else:

@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterator
 from typing import Literal, TypeAlias
 
 from ncgen.program.assemble import programs_of
-from ncgen.program.binding import Places, Reference
+from ncgen.program.binding import Reference, TermOperands
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.program.ir.derivatives import gradient
@@ -36,7 +36,7 @@ from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import TemplateOutput
 from ncgen.symbolic.term import Term
 
-Quantities: TypeAlias = Callable[[Places, Nodes], dict[Place, int]]
+Quantities: TypeAlias = Callable[[TermOperands, Nodes], dict[Place, int]]
 """(places, outputs) -> {place: node} of what a term adds to the quantities that are differentiated."""
 
 
@@ -47,54 +47,54 @@ def assemble_tangents(equations: Terms, emission: str = "auto") -> TangentProgra
     return TangentPrograms("tangents", programs, {name: kernel.matrix for name, kernel in built.items()})
 
 
-def _balance(places: Places, outputs: Nodes) -> dict[Place, int]:
+def _balance(operands: TermOperands, outputs: Nodes) -> dict[Place, int]:
     """{(coordinate,): what a term adds to M q̈ + Φ_qᵀ λ − Q along it}."""
-    graph = places.graph
+    graph = operands.graph
     sums: dict[Place, int] = {}
     kinds = {key.name for key in outputs}
 
-    def add(place: Place, node: int) -> None:
-        sums[place] = graph.add(sums[place], node) if place in sums else node
+    def add(position: Place, node: int) -> None:
+        sums[position] = graph.add(sums[position], node) if position in sums else node
 
     if "phi_q" in kinds:
-        for place, node in chain("phi_q", 1, False)(places, outputs):
-            add(place, graph.mul(places.read(Reference("lam", 0)), node))
+        for position, node in chain("phi_q", 1, False)(operands, outputs):
+            add(position, graph.mul(operands.read(Reference("lam", 0)), node))
     if "mass" in kinds:
-        for (i, j), node in chain("mass", 2, False)(places, outputs):
-            add((i,), graph.mul(node, places.read(Reference("qdd", j.number))))
+        for (i, j), node in chain("mass", 2, False)(operands, outputs):
+            add((i,), graph.mul(node, operands.read(Reference("qdd", j.number))))
     if "force" in kinds:
-        for place, node in chain("force", 1, False)(places, outputs):
-            add(place, graph.neg(node))
+        for position, node in chain("force", 1, False)(operands, outputs):
+            add(position, graph.neg(node))
     return sums
 
 
-def _row(places: Places, outputs: Nodes) -> dict[Place, int]:
+def _row(operands: TermOperands, outputs: Nodes) -> dict[Place, int]:
     """{(row,): Φ}."""
     return {(ROW,): outputs[TemplateOutput("phi")]}
 
 
-def _row_rate(places: Places, outputs: Nodes) -> dict[Place, int]:
+def _row_rate(operands: TermOperands, outputs: Nodes) -> dict[Place, int]:
     """{(row,): Φ̇ = Φ_q q̇ − ν}."""
-    graph = places.graph
-    parts = [graph.mul(node, places.read(Reference("qd", j.number))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
+    graph = operands.graph
+    parts = [graph.mul(node, operands.read(Reference("qd", j.number))) for (j,), node in chain("phi_q", 1, False)(operands, outputs)]
     return {(ROW,): graph.sub(graph.sum(parts), outputs[TemplateOutput("nu")])}
 
 
-def _row_acceleration(places: Places, outputs: Nodes) -> dict[Place, int]:
+def _row_acceleration(operands: TermOperands, outputs: Nodes) -> dict[Place, int]:
     """{(row,): Φ̈ = Φ_q q̈ − γ}."""
-    graph = places.graph
-    parts = [graph.mul(node, places.read(Reference("qdd", j.number))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
+    graph = operands.graph
+    parts = [graph.mul(node, operands.read(Reference("qdd", j.number))) for (j,), node in chain("phi_q", 1, False)(operands, outputs)]
     return {(ROW,): graph.sub(graph.sum(parts), outputs[TemplateOutput("gamma")])}
 
 
 def _by(kind: Literal["q", "qd"], function: Quantities) -> Parts:
     """Contributions ∂function/∂q ("q") or ∂function/∂q̇ ("qd") per coordinate of a term."""
 
-    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
-        variables = {places.read(Reference(kind, j)): Axis("coordinate", j) for j in range(len(places.bound.coordinates))}
-        for place, node in function(places, outputs).items():
-            for variable, slope in gradient(places.graph, node, variables).items():
-                yield (*place, variables[variable]), slope
+    def parts(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        variables = {operands.read(Reference(kind, j)): Axis("coordinate", j) for j in range(len(operands.bound.coordinates))}
+        for position, node in function(operands, outputs).items():
+            for variable, derivative in gradient(operands.graph, node, variables).items():
+                yield (*position, variables[variable]), derivative
 
     return parts
 
@@ -102,12 +102,12 @@ def _by(kind: Literal["q", "qd"], function: Quantities) -> Parts:
 def _by_parameters(function: Quantities) -> Parts:
     """Contributions ∂function/∂p per parameter."""
 
-    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
-        loads = [(node, op.input) for node, op in enumerate(places.graph.ops) if op.code == "load"]
+    def parts(operands: TermOperands, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        loads = [(node, op.input) for node, op in enumerate(operands.graph.ops) if op.code == "load"]
         variables = {node: Axis("parameter", position) for node, (array, position) in loads if array == "p"}
-        for place, node in function(places, outputs).items():
-            for variable, slope in gradient(places.graph, node, variables).items():
-                yield (*place, variables[variable]), slope
+        for target, node in function(operands, outputs).items():
+            for variable, derivative in gradient(operands.graph, node, variables).items():
+                yield (*target, variables[variable]), derivative
 
     return parts
 
@@ -182,9 +182,9 @@ def assemble_parameter_tangents(equations: Terms) -> TangentPrograms:
     patterns: dict[str, Pattern] = {}
     for kernel in PARAMETER_TANGENTS.values():
         lines = Lines(equations)
-        entries = {place: node for place, node in lines.gather(kernel).items() if lines.graph.value(node) != 0.0}
+        entries = {position: node for position, node in lines.gather(kernel).items() if lines.graph.value(node) != 0.0}
         rows, columns = (lengths[axis] for axis in kernel.shape)
         patterns[kernel.name] = Pattern.of((rows, columns), entries)
         if entries:
-            programs[kernel.name] = lines.program(kernel.name, kernel.inputs, [entries[place] for place in sorted(entries)])
+            programs[kernel.name] = lines.program(kernel.name, kernel.inputs, [entries[position] for position in sorted(entries)])
     return TangentPrograms("parameter_tangents", programs, patterns)

@@ -22,8 +22,8 @@ def share_angles(program: Program) -> Program:
     angles = sorted({i for block in program.blocks for op in block.ops for i in _positions(op, block)})
     if not angles:
         return program
-    place = {q: k for k, q in enumerate(angles)}
-    blocks = tuple(passes.dead_code(_rewrite(block, place)) for block in program.blocks)
+    index = {q: k for k, q in enumerate(angles)}
+    blocks = tuple(passes.dead_code(_rewrite(block, index)) for block in program.blocks)
     return replace(program, blocks=blocks, angles=tuple(angles))
 
 
@@ -41,14 +41,14 @@ def _positions(op: Op, block: Block) -> tuple[int, ...]:
     return ()
 
 
-def _rewrite(block: Block, place: dict[int, int]) -> Block:
+def _rewrite(block: Block, index: dict[int, int]) -> Block:
     ops, names = list(block.ops), dict(block.names)
     slots = list(block.slots)
     for number, op in enumerate(block.ops):
         positions = _positions(op, block)
         if not positions:
             continue
-        table = tuple(place[i] for i in positions)
+        table = tuple(index[i] for i in positions)
         if isinstance(block, Loop):
             slots.append(Slot(SHARED[op.code], table))
             ops[number] = Op("slot", (), len(slots) - 1)

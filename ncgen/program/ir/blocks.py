@@ -140,10 +140,10 @@ class Pattern:
         return f"<Pattern {self.shape[0]} × {self.shape[1]}: {self.nonzeros} nonzeros>"
 
     @classmethod
-    def of(cls, shape: tuple[int, int], places: Iterable[tuple[int, ...]]) -> Pattern:
+    def of(cls, shape: tuple[int, int], positions: Iterable[tuple[int, ...]]) -> Pattern:
         """The pattern of a set of (row, column) places."""
         columns: list[list[int]] = [[] for _ in range(shape[0])]
-        for row, column in sorted(set(places)):
+        for row, column in sorted(set(positions)):
             columns[row].append(column)
         indptr = [0]
         for numbers in columns:
@@ -163,4 +163,4 @@ class Pattern:
     def positions(self) -> dict[tuple[int, int], int]:
         """{(row, column): position in the values}."""
         rows = (r for r in range(self.shape[0]) for _ in range(self.indptr[r], self.indptr[r + 1]))
-        return {place: k for k, place in enumerate(zip(rows, self.indices, strict=True))}
+        return {position: k for k, position in enumerate(zip(rows, self.indices, strict=True))}

@@ -11,8 +11,12 @@ from pathlib import Path
 from typing import TypeAlias
 
 from ncgen.files import write_text
+from ncgen.model.catalogue import ROW_TYPES
+from ncgen.model.forces import FORCE_TYPES
 from ncgen.program.ir.graph import Op
-from ncgen.symbolic.templates import TemplateOutput, catalogue
+from ncgen.symbolic.force_templates import force_template
+from ncgen.symbolic.mass_templates import cross_product_body, energy_offset, mass_diagonal, mass_pair, weight
+from ncgen.symbolic.templates import Template, TemplateOutput, row_template
 
 FILE = Path(__file__).with_name("catalogued.json")
 
@@ -28,6 +32,12 @@ def catalogued() -> dict[str, Operations]:
         nodes = {TemplateOutput(name, tuple(scalars)): node for name, scalars, node in outputs}
         operations[key] = tuple([Op(code, tuple(args), leaf) for code, args, leaf in ops]), nodes
     return operations
+
+
+def catalogue() -> tuple[Template, ...]:
+    """The templates that are the same in all mechanisms and that sympy derives."""
+    masses = mass_diagonal(), mass_pair(), weight(), energy_offset(), cross_product_body()
+    return (*map(row_template, ROW_TYPES), *masses, *map(force_template, FORCE_TYPES))
 
 
 def derived() -> str:

@@ -30,10 +30,10 @@ def cut(program: Program) -> Program:
         if not _is_long(block):
             blocks.append(block)
             continue
-        part = _parts(block)
+        block_of = _parts(block)
         written = {store.node: ArrayElement(store.array, store.index) for store in block.stores if not store.accumulate}
-        places, size = _places(block, part, written)
-        blocks += [_block(block, part, places, number) for number in range(part[-1] + 1)]
+        elements, size = _places(block, block_of, written)
+        blocks += [_block(block, block_of, elements, number) for number in range(block_of[-1] + 1)]
         most = max(most, size)
     return replace(program, blocks=tuple(blocks), temporaries={**program.temporaries, CUT_ARRAY: most})
 
@@ -48,30 +48,30 @@ def _parts(block: Straight) -> list[int]:
     return [k * count // len(block.ops) for k in range(len(block.ops))]
 
 
-def _places(block: Straight, part: list[int], written: dict[int, ArrayElement]) -> tuple[dict[int, ArrayElement], int]:
+def _places(block: Straight, block_of: list[int], written: dict[int, ArrayElement]) -> tuple[dict[int, ArrayElement], int]:
     """{operation: where it lies} of what later blocks read, and how many places `kept` has; written: what lies in the output."""
     last: dict[int, int] = {}
     for node, op in enumerate(block.ops):
         for a in op.args:
-            if block.ops[a].args and part[a] < part[node]:
-                last[a] = max(last.get(a, 0), part[node])
-    places = {node: written[node] for node in last if node in written}
+            if block.ops[a].args and block_of[a] < block_of[node]:
+                last[a] = max(last.get(a, 0), block_of[node])
+    elements = {node: written[node] for node in last if node in written}
     free: list[int] = []
-    ending: list[list[int]] = [[] for _ in range(part[-1] + 1)]
+    ending: list[list[int]] = [[] for _ in range(block_of[-1] + 1)]
     size = begun = 0
-    for node in sorted(last.keys() - places.keys()):
-        for ended in range(begun, part[node]):  # their places may be written from the next block on
+    for node in sorted(last.keys() - elements.keys()):
+        for ended in range(begun, block_of[node]):  # their places may be written from the next block on
             free += ending[ended]
-        begun = max(begun, part[node])
+        begun = max(begun, block_of[node])
         if not free:
             free.append(size)
             size += 1
-        places[node] = ArrayElement(CUT_ARRAY, free[-1])
+        elements[node] = ArrayElement(CUT_ARRAY, free[-1])
         ending[last[node]].append(free.pop())
-    return places, size
+    return elements, size
 
 
-def _block(block: Straight, part: list[int], places: dict[int, ArrayElement], number: int) -> Straight:
+def _block(block: Straight, block_of: list[int], elements: dict[int, ArrayElement], number: int) -> Straight:
     """One of the blocks: its own operations, with loads of what they read from others; leaves are read anew in every block."""
     ops: list[Op] = []
     new: dict[int, int] = {}
@@ -81,8 +81,8 @@ def _block(block: Straight, part: list[int], places: dict[int, ArrayElement], nu
         """An operation of the long line in this block."""
         if node not in new:
             op = block.ops[node]
-            is_read = bool(op.args) and part[node] < number
-            op = Op("load", (), places[node]) if is_read else op.renumbered(new)
+            is_read = bool(op.args) and block_of[node] < number
+            op = Op("load", (), elements[node]) if is_read else op.renumbered(new)
             new[node] = len(ops)
             if node in block.names:
                 names[len(ops)] = block.names[node]
@@ -93,15 +93,15 @@ def _block(block: Straight, part: list[int], places: dict[int, ArrayElement], nu
     for store in block.stores:
         wanted.setdefault(store.node, []).append(store)
     written: list[Store] = []
-    for node in range(bisect_left(part, number), bisect_right(part, number)):
+    for node in range(bisect_left(block_of, number), bisect_right(block_of, number)):
         if not block.ops[node].args and node not in wanted:
             continue  # a leaf is taken where it is read
         for a in block.ops[node].args:
             take(a)
         take(node)
         written += (
-            [Store(array=CUT_ARRAY, index=places[node].position, node=new[node])]
-            if node in places and places[node].array == CUT_ARRAY
+            [Store(array=CUT_ARRAY, index=elements[node].position, node=new[node])]
+            if node in elements and elements[node].array == CUT_ARRAY
             else []
         )
         written += [replace(store, node=new[node]) for store in wanted.get(node, ())]

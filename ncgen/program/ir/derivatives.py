@@ -27,10 +27,10 @@ def adjoints(graph: Graph, weights: Mapping[int, int], variables: Collection[int
     for node in reversed(active):
         if node not in sensitivities or not graph.ops[node].args:
             continue
-        for argument, slope in zip(graph.ops[node].args, slopes(graph, node), strict=True):
+        for argument, derivative in zip(graph.ops[node].args, slopes(graph, node), strict=True):
             if argument in active:
-                share = graph.mul(sensitivities[node], slope())
-                sensitivities[argument] = graph.add(sensitivities[argument], share) if argument in sensitivities else share
+                product = graph.mul(sensitivities[node], derivative())
+                sensitivities[argument] = graph.add(sensitivities[argument], product) if argument in sensitivities else product
     return {v: sensitivities[v] for v in variables if v in sensitivities and graph.value(sensitivities[v]) != 0.0}
 
 
@@ -44,8 +44,8 @@ def tangent(graph: Graph, outputs: Collection[int], direction: dict[int, int]) -
         if node in rates:
             continue
         parts = [
-            graph.mul(slope(), rates[argument])
-            for argument, slope in zip(graph.ops[node].args, slopes(graph, node), strict=True)
+            graph.mul(derivative(), rates[argument])
+            for argument, derivative in zip(graph.ops[node].args, slopes(graph, node), strict=True)
             if argument in rates
         ]
         rates[node] = graph.sum(parts)
@@ -69,7 +69,7 @@ def slopes(graph: Graph, node: int) -> list[Callable[[], int]]:
             return [lambda: graph.div(one, b), lambda: graph.neg(graph.div(node, b))]
         case "pieces", (a,):
             return [lambda: graph.lookup(op.pieces.derivative(), a)]
-    return [lambda rule=rule: rule(graph, node, *op.args) for rule in FUNCTIONS[op.code].slopes]
+    return [lambda rule=rule: rule(graph, node, *op.args) for rule in FUNCTIONS[op.code].derivatives]
 
 
 def _active(graph: Graph, outputs: Iterable[int], variables: Collection[int]) -> dict[int, None]:

@@ -20,10 +20,10 @@ def dump(program: Program) -> str:
             name = f"  # {block.names[number]}" if number in block.names else ""
             lines.append(f"    %{number} = {_operation(op)}{name}")
         for store in block.stores:
-            place = ", ".join(map(str, store.table))
+            indices = ", ".join(map(str, store.table))
             sign = "+=" if store.accumulate else "="
             comment = f"  # {store.comment}" if isinstance(store, Store) and store.comment else ""
-            lines.append(f"    {store.array}[{place}] {sign} %{store.node}{comment}")
+            lines.append(f"    {store.array}[{indices}] {sign} %{store.node}{comment}")
     return "\n".join(lines) + "\n"
 
 

@@ -141,13 +141,13 @@ class _Factoring:
         products = [term for term in terms(form) if not isinstance(term.product, int)]
         if len(products) < 2:
             return None
-        count, own = dict[int, int](), set[int]()
+        count, unshared = dict[int, int](), set[int]()
         for term in products:
             for factor in dict.fromkeys(factors(term.product)):
                 count[factor] = count.get(factor, 0) + 1
                 if term.shared is None:
-                    own.add(factor)
-        common = {f: n for f, n in count.items() if n > 1 and f in own and (n == form.size or not is_exact(self.graph.ops[f]))}
+                    unshared.add(factor)
+        common = {f: n for f, n in count.items() if n > 1 and f in unshared and (n == form.size or not is_exact(self.graph.ops[f]))}
         return max(common, key=common.__getitem__, default=None)
 
     # -- writing -------------------------------------------------------------------------------

@@ -21,12 +21,12 @@ class Function(NamedTuple):
     numpy: str
     sympy: str
     python: Callable[..., float]
-    slopes: tuple[Slope, ...]
+    derivatives: tuple[Slope, ...]
 
     @property
     def arity(self) -> int:
         """How many arguments it takes."""
-        return len(self.slopes)
+        return len(self.derivatives)
 
 
 def _one_over(g: Graph, node: int) -> int:

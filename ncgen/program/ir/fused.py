@@ -35,18 +35,18 @@ def fuse(name: str, inputs: tuple[str, ...], parts: list[FusedPart]) -> Program:
     before: list[Loop] = []
     after: list[Loop] = []
     offset = 0
-    for part in parts:
-        loops, old = before, part.program.output
-        for block in part.program.blocks:
+    for fused_part in parts:
+        loops, old = before, fused_part.program.output
+        for block in fused_part.program.blocks:
             if isinstance(block, Loop):
                 loops.append(replace(block, stores=tuple(_moved(s, old, name, offset) for s in block.stores)))
             elif block.stores[0].array == old:
-                straight.add(block, [(part.rows[s.index], _moved(s, old, name, offset)) for s in block.stores])
+                straight.add(block, [(fused_part.rows[s.index], _moved(s, old, name, offset)) for s in block.stores])
                 loops = after
             else:
                 temporary.add(block, [(0, store) for store in block.stores])
-        offset += part.program.size
-    temporaries = {array: size for part in parts for array, size in part.program.temporaries.items()}
+        offset += fused_part.program.size
+    temporaries = {array: size for fused_part in parts for array, size in fused_part.program.temporaries.items()}
     blocks = (*temporary.block(), *before, *straight.block(), *after)
     return Program(name=name, inputs=inputs, output=name, size=offset, blocks=blocks, temporaries=temporaries)
 

@@ -259,11 +259,11 @@ class Graph:
     def replaced(self, node: int, inputs: Mapping[ArrayElement, int]) -> int:
         """A node with other nodes for inputs."""
         new: dict[int, int] = {}
-        for part in sorted(self.below([node])):
-            op = self.ops[part]
-            new[part] = self.apply(op, tuple(new[a] for a in op.args)) if op.args else part
+        for operand in sorted(self.below([node])):
+            op = self.ops[operand]
+            new[operand] = self.apply(op, tuple(new[a] for a in op.args)) if op.args else operand
             if op.code == "load":
-                new[part] = inputs.get(op.input, part)
+                new[operand] = inputs.get(op.input, operand)
         return new[node]
 
     def copied(self, op: Op, args: Sequence[int]) -> int:

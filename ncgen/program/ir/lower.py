@@ -59,14 +59,14 @@ class LoweredTemplate:
         made: dict[int, int] = {}
 
         def build(node: int) -> int:
-            for part in self._needed(node, made):
-                op = self.ops[part]
+            for operand in self._needed(node, made):
+                op = self.ops[operand]
                 if op.code == "slot":
-                    made[part] = bind(names[op.slot])
+                    made[operand] = bind(names[op.slot])
                 elif op.code == "const":
-                    made[part] = graph.const(op.value)
+                    made[operand] = graph.const(op.value)
                 else:
-                    made[part] = graph.apply(op, tuple(made[a] for a in op.args))
+                    made[operand] = graph.apply(op, tuple(made[a] for a in op.args))
             return made[node]
 
         return {key: build(self.outputs[key]) for key in wanted}

@@ -36,8 +36,8 @@ MONOTONE: dict[str, tuple[float, float]] = {
 """{functions that never fall: where they are defined}."""
 
 
-def values(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, np.ndarray | float]) -> np.ndarray:
-    """The values of a node; given: {input: its numbers, of one shape, or one number}. NaN outside of a function's domain."""
+def values(ops: Sequence[Op], node: int, inputs: Mapping[ArrayElement, np.ndarray | float]) -> np.ndarray:
+    """The values of a node; inputs: {input: its numbers, of one shape, or one number}. NaN outside of a function's domain."""
     known: list[np.ndarray | float] = []
     with np.errstate(all="ignore"):
         for op in ops[: node + 1]:
@@ -45,7 +45,7 @@ def values(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, np.ndarray
             if op.code == "const":
                 known.append(op.value)
             elif op.code == "load":
-                known.append(given[op.input])
+                known.append(inputs[op.input])
             elif op.code == PIECES:
                 known.append(_polynomials(op.pieces, np.asarray(arguments[0])))
             else:
@@ -54,7 +54,7 @@ def values(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, np.ndarray
     return np.asarray(known[node])
 
 
-def ranges(ops: Sequence[Op], nodes: Sequence[int], given: Mapping[ArrayElement, Interval]) -> list[Interval]:
+def ranges(ops: Sequence[Op], nodes: Sequence[int], inputs: Mapping[ArrayElement, Interval]) -> list[Interval]:
     """Bounds of the values of nodes where every input is in its interval, but for rounding."""
     known: list[Interval] = []
     with np.errstate(all="ignore"):
@@ -62,7 +62,7 @@ def ranges(ops: Sequence[Op], nodes: Sequence[int], given: Mapping[ArrayElement,
             if op.code == "const":
                 low = high = np.asarray(op.value)
             elif op.code == "load":
-                low, high = given[op.input]
+                low, high = inputs[op.input]
             else:
                 low, high = _bounds(op, [known[a] for a in op.args])
             known.append((np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)))

@@ -38,28 +38,28 @@ class Sampling:
 
     def __getitem__(self, node: int) -> np.ndarray:
         """One number a sample."""
-        for part in self._missing(node):
-            op = self.graph.ops[part]
+        for operand in self._missing(node):
+            op = self.graph.ops[operand]
             if op.code == "const":
-                self._known[part] = np.full(self.count, op.value)
+                self._known[operand] = np.full(self.count, op.value)
             elif op.code == "load":
                 array, position = op.input
-                self._known[part] = np.array([arrays[array][position] for arrays in self._arrays])
+                self._known[operand] = np.array([arrays[array][position] for arrays in self._arrays])
             else:
                 runs = zip(*(self._known[a].tolist() for a in op.args), strict=True)
-                self._known[part] = np.array([compute(op, run) for run in runs])
+                self._known[operand] = np.array([compute(op, run) for run in runs])
         return self._known[node]
 
     def of(self, matrix: Mapping[tuple[int, int], int]) -> list[dict[tuple[int, int], float]]:
         """A matrix of nodes as numbers, sample by sample."""
-        values = {place: self[node] for place, node in matrix.items()}
-        return [{place: float(v[k]) for place, v in values.items()} for k in range(self.count)]
+        values = {position: self[node] for position, node in matrix.items()}
+        return [{position: float(v[k]) for position, v in values.items()} for k in range(self.count)]
 
     def _missing(self, node: int) -> list[int]:
         waiting, missing = [node], set()
         while waiting:
-            part = waiting.pop()
-            if part not in self._known and part not in missing:
-                missing.add(part)
-                waiting += self.graph.ops[part].args
+            operand = waiting.pop()
+            if operand not in self._known and operand not in missing:
+                missing.add(operand)
+                waiting += self.graph.ops[operand].args
         return sorted(missing)

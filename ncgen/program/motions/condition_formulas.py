@@ -46,11 +46,11 @@ def _simple(equations: Terms, where: str, expression: Scalar) -> tuple[Graph, in
     """A condition in the operations of KINDS."""
     lines, graph = Lines(equations), Graph()
     node, new = expression_node(lines, where, expression), dict[int, int]()
-    for part in sorted(lines.graph.below([node])):
-        op = lines.graph.ops[part]
+    for operand in sorted(lines.graph.below([node])):
+        op = lines.graph.ops[operand]
         arguments = [new[a] for a in op.args]
         rule = RULES.get(op.code)
-        new[part] = rule(graph, *arguments) if rule else graph.copied(op, arguments)
+        new[operand] = rule(graph, *arguments) if rule else graph.copied(op, arguments)
     return graph, new[node]
 
 
@@ -65,8 +65,8 @@ class _Table:
         parts = sorted(graph.below([node]))
         if len(parts) > MAX_OPERATIONS:
             return ()
-        local = {part: k for k, part in enumerate(parts)}
-        return tuple(self._operation(graph.ops[part], local) for part in parts)
+        local = {operand: k for k, operand in enumerate(parts)}
+        return tuple(self._operation(graph.ops[operand], local) for operand in parts)
 
     def _operation(self, op: Op, local: dict[int, int]) -> tuple[int, int, int]:
         if op.code == "const":
@@ -75,18 +75,18 @@ class _Table:
             return self._input(*op.input)
         if op.code == PIECES:
             pieces = op.pieces
-            place = self._number([len(pieces.knots), pieces.degree, pieces.period, *pieces.knots, *pieces.numbers])
-            return KINDS.index(PIECES), local[op.args[0]], place
+            position = self._number([len(pieces.knots), pieces.degree, pieces.period, *pieces.knots, *pieces.numbers])
+            return KINDS.index(PIECES), local[op.args[0]], position
         a, *others = (local[each] for each in op.args)
         return KINDS.index(op.code), a, others[0] if others else a
 
     def _input(self, array: str, position: int) -> tuple[int, int, int]:
         if array in ("t", "p"):
             return KINDS.index(array), position, 0
-        place = position if array == "q" else self.n + position
-        if place not in self.inputs:
-            self.inputs.append(place)
-        return KINDS.index("state"), self.inputs.index(place), 0
+        index = position if array == "q" else self.n + position
+        if index not in self.inputs:
+            self.inputs.append(index)
+        return KINDS.index("state"), self.inputs.index(index), 0
 
     def _number(self, numbers: Sequence[float]) -> int:
         self.numbers += map(float, numbers)

@@ -247,7 +247,11 @@ def by_all_coordinates(equations: Terms, split: Split, samples: Sequence[Sample]
         zdd = solve_positive(graph, reduced, nz, right)
     except ZeroDivisionError:  # an entry is nothing by its structure
         raise massless(equations.model.name) from None
-    power = _power(lines, split, factors, nu, force, times(graph, mass, bias) if nu else {}, zdd, MR)
+    applied = lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"))
+    power = applied if applied is not None else zero
+    if nu:
+        left = _unbalanced(graph, force, times(graph, mass, bias), MR, zdd)
+        power = _less_driving(graph, split, factors, nu, left, power)
     amplification = _amplification(graph, split, R, sizes)
     return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
 
@@ -263,32 +267,23 @@ def _amplification(graph: Graph, split: Split, R: list[dict[int, int]], sizes: S
     return graph.sum(graph.mul(graph.const(float((unit / sizes[c]) ** 2)), graph.sum(nodes)) for c, nodes in sorted(squares.items()))
 
 
-def _power(
-    lines: Lines,
-    split: Split,
-    factors: Factors,
-    nu: dict[int, int],
-    force: dict[int, int],
-    momentum: dict[int, int],
-    zdd: Sequence[int],
-    MR: Sequence[dict[int, int]],
-) -> int:
-    """Power of forces without a potential and of drivers, P − νᵀλ with (Φ_q^d)ᵀ λ = (Q − M q̈)_d, q̈ = R z̈ + S γ.
+def _unbalanced(
+    graph: Graph, force: dict[int, int], momentum: dict[int, int], MR: Sequence[dict[int, int]], zdd: Sequence[int]
+) -> dict[int, int]:
+    """Q − M q̈ with q̈ = R z̈ + S γ: {coordinate: node}. momentum: M S γ"""
+    zero = graph.const(0.0)
+    left = {c: graph.sub(force.get(c, zero), momentum.get(c, zero)) for c in sorted(force.keys() | momentum.keys())}
+    for column, acceleration in zip(MR, zdd, strict=True):
+        for c, node in column.items():
+            left[c] = graph.sub(left.get(c, zero), graph.mul(node, acceleration))
+    return left
 
-    momentum: M S γ
-    """
-    graph = lines.graph
-    own = lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"))
-    power = own if own is not None else graph.const(0.0)
-    if nu:
-        zero = graph.const(0.0)
-        left = {c: graph.sub(force.get(c, zero), momentum.get(c, zero)) for c in sorted(force.keys() | momentum.keys())}
-        for column, acceleration in zip(MR, zdd, strict=True):
-            for c, node in column.items():
-                left[c] = graph.sub(left.get(c, zero), graph.mul(node, acceleration))
-        right = {j: left[c] for j, c in enumerate(split.dependent) if c in left}
-        lam = solve_transposed(graph, factors, right)
-        for i, r in enumerate(split.rows):
-            if r in nu and i in lam:
-                power = graph.sub(power, graph.mul(nu[r], lam[i]))
+
+def _less_driving(graph: Graph, split: Split, factors: Factors, nu: dict[int, int], left: dict[int, int], power: int) -> int:
+    """The power of applied forces without that of drivers, P − νᵀλ with (Φ_q^d)ᵀ λ = (Q − M q̈)_d, which is `left`."""
+    right = {j: left[c] for j, c in enumerate(split.dependent) if c in left}
+    lam = solve_transposed(graph, factors, right)
+    for i, r in enumerate(split.rows):
+        if r in nu and i in lam:
+            power = graph.sub(power, graph.mul(nu[r], lam[i]))
     return power

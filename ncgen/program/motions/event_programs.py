@@ -1,7 +1,7 @@
 """The conditions of a mechanism's events, and what their actions set, as programs.
 
 conditions(t, q, qd, p)            -> of every condition its value, and the size of its terms, with which rounding is compared
-condition_slopes(t, q, qd, p)      -> of every condition ∂/∂q (n), ∂/∂q̇ (n) and ∂/∂t
+condition_derivatives(t, q, qd, p)      -> of every condition ∂/∂q (n), ∂/∂q̇ (n) and ∂/∂t
 condition_rates(t, q, qd, qdd, p)  -> the C rates of change along the motion, then the C second derivatives, those of conditions without q̇
 action_values(t, q, qd, p)         -> the numbers that actions set
 element_values(t, q, qd, p)        -> restitutions and coefficients of friction that are expressions
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 INPUTS = {
     "conditions": ("t", "q", "qd", "p"),
-    "condition_slopes": ("t", "q", "qd", "p"),
+    "condition_derivatives": ("t", "q", "qd", "p"),
     "condition_rates": ("t", "q", "qd", "qdd", "p"),
     "action_values": ("t", "q", "qd", "p"),
     "element_values": ("t", "q", "qd", "p"),
@@ -66,7 +66,7 @@ def assemble_conditions(
     gaps = [expression_node(lines, *each) for each in conditions]
     sizes = [expression_node(lines, where, terms_of(expression)) for where, expression in conditions]
     variables = [*(graph.load("q", i) for i in range(n)), *(graph.load("qd", i) for i in range(n)), graph.load("t", 0)]
-    slopes, zero = [gradient(graph, gap, variables) for gap in gaps], graph.const(0.0)
+    derivatives, zero = [gradient(graph, gap, variables) for gap in gaps], graph.const(0.0)
     along = {variables[i]: variables[n + i] for i in range(n)} | {variables[n + i]: graph.load("qdd", i) for i in range(n)}
     along[variables[-1]] = graph.const(1.0)
     rates = [tangent(graph, [gap], along).get(gap, zero) for gap in gaps]
@@ -74,7 +74,7 @@ def assemble_conditions(
     slides = [expression_node(lines, *each) for each in velocities]
     outputs = {
         "conditions": [node for pair in zip(gaps, sizes, strict=True) for node in pair],
-        "condition_slopes": [slope.get(v, zero) for slope in slopes for v in variables],
+        "condition_derivatives": [derivative.get(v, zero) for derivative in derivatives for v in variables],
         "condition_rates": [*rates, *second],
         "action_values": [expression_node(lines, *each) for each in values],
         "element_values": [expression_node(lines, *each) for each in elements],
@@ -93,6 +93,7 @@ class HeldLoad:
     static: friction that holds a joint, times the load of the constraints `pressed` where there are some
     grip: (number of its gap's constraint, coefficient) of a contact that sticks, which has as many constraints as `directions`
     A gap has neither
+    shows_force: whether the multipliers of these constraints stand behind the condition, each with the size 1
     """
 
     words: str
@@ -101,6 +102,7 @@ class HeldLoad:
     grip: tuple[int, Scalar] | None = None
     directions: int = 1
     pressed: tuple[int, ...] = ()
+    shows_force: bool = False
 
 
 def assemble_mode_conditions(
@@ -149,6 +151,8 @@ def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], 
             nodes += [graph.sub(most, load), size, graph.add(most, load), size]
         else:
             nodes += [load, size]
+        if each.shows_force:
+            nodes += [node for x in lam[each.row : each.row + each.directions] for node in (x, graph.const(1.0))]
     return nodes
 
 

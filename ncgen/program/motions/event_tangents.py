@@ -92,13 +92,13 @@ def _impact(lines: Lines, gaps: Sequence[Named], rates: Sequence[Named]) -> list
     velocities, time = [], graph.load("t", 0)
     pairs = [(gradient(graph, expression_node(lines, *gap), [*q, time]), q) for gap in gaps]
     pairs += [(gradient(graph, expression_node(lines, *rate), before), before) for rate in rates]
-    for k, (slopes, variables) in enumerate(pairs):
+    for k, (derivatives, variables) in enumerate(pairs):
         for i, variable in enumerate(variables):
-            if variable in slopes:
-                balance[i].append(graph.neg(graph.mul(slopes[variable], graph.load("push", k))))
-        drift = [slopes[time]] if time in slopes else []
+            if variable in derivatives:
+                balance[i].append(graph.neg(graph.mul(derivatives[variable], graph.load("push", k))))
+        drift = [derivatives[time]] if time in derivatives else []
         for velocity in (before, after):
-            parts = (graph.mul(slopes[x], v) for x, v in zip(variables, velocity, strict=True) if x in slopes)
+            parts = (graph.mul(derivatives[x], v) for x, v in zip(variables, velocity, strict=True) if x in derivatives)
             velocities.append(graph.sum([*parts, *drift]))
     return [*(graph.sum(nodes) for nodes in (*balance, *rows)), *velocities]
 

@@ -15,11 +15,11 @@ from ncgen.program.lines import Lines
 from ncgen.program.motions.output_programs import read_component
 
 
-def expression_node(lines: Lines, where: str, given: Scalar) -> int:
+def expression_node(lines: Lines, where: str, scalar: Scalar) -> int:
     """The node of an expression. Raises ModelError, which begins with `where`, where it mentions what the model does not have."""
     import sympy
 
-    expression = sympy.sympify(given)
+    expression = sympy.sympify(scalar)
     known = {TIME: partial(lines.graph.load, "t", 0)}
     known |= {p.name: partial(lines.graph.load, "p", i) for i, p in enumerate(lines.equations.parameters)}
     for component in lines.equations.model.components:

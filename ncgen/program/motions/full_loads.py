@@ -41,12 +41,12 @@ def assemble_loads(equations: Terms) -> tuple[Program, Program]:
     along |= {graph.load(*leaf): graph.load("change", k) for k, leaf in enumerate(moved)}
     changes = tangent(graph, nodes, along)
     inputs = ("t", "q", "qd", "qdd", "lam", "p", "seed", "change")
-    slope = lines.program("loads_tangent", inputs, [changes.get(node, graph.const(0.0)) for node in nodes])
+    derivative = lines.program("loads_tangent", inputs, [changes.get(node, graph.const(0.0)) for node in nodes])
     parameters = len(equations.parameters)
     lengths = {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": parameters, "seed": 1 + 2 * n + parameters, "change": 2 * n + m}
-    for each in (program, slope):
+    for each in (program, derivative):
         verify(each, lengths)
-    return program, slope
+    return program, derivative
 
 
 def loaded_elements(equations: Terms) -> list[tuple[Body, Spatial]]:
@@ -57,16 +57,16 @@ def loaded_elements(equations: Terms) -> list[tuple[Body, Spatial]]:
 def load_nodes(lines: Lines) -> list[int]:
     """Three nodes for every load, in the order of `loaded_elements`."""
     graph, equations = lines.graph, lines.equations
-    springs = _Share(lines, build_springs(equations.model))
+    springs = _BodyLines(lines, build_springs(equations.model))
     pulls = {equations.free[i]: node for i, node in springs.vector(KERNELS["force"]).items()}
     nodes: list[int] = []
     for body in equations.model.bodies.values():
-        share = _Share(lines, build_equations(equations.model, Owner("body", body.name)))
-        balance = share.balance()
+        body_lines = _BodyLines(lines, build_equations(equations.model, Owner("body", body.name)))
+        balance = body_lines.balance()
         for element in body.elements:
             f = [balance.get(c, graph.const(0.0)) for c in element.components]
             f = [graph.sub(node, pulls.pop(c)) if c in pulls else node for c, node in zip(element.components, f, strict=True)]
-            nodes += _cross(graph, [share.place(c, "q") for c in element.components], f) if isinstance(element, Vector) else f
+            nodes += _cross(graph, [body_lines.coordinate(c, "q") for c in element.components], f) if isinstance(element, Vector) else f
     return nodes
 
 
@@ -74,11 +74,11 @@ def _cross(graph: Graph, u: Sequence[int], f: Sequence[int]) -> list[int]:
     return [graph.sub(graph.mul(u[i - 2], f[i - 1]), graph.mul(u[i - 1], f[i - 2])) for i in range(3)]
 
 
-class _Share(Lines):
+class _BodyLines(Lines):
     """What one body owns, in the graph and on the coordinates of the whole; its fixed elements are coordinates without motion."""
 
-    def __init__(self, whole: Lines, share: Terms) -> None:
-        super().__init__(share)
+    def __init__(self, whole: Lines, terms: Terms) -> None:
+        super().__init__(terms)
         self.graph, self.whole = whole.graph, whole.equations
 
     def balance(self) -> dict[Component, int]:
@@ -86,14 +86,14 @@ class _Share(Lines):
         graph, free = self.graph, self.equations.free
         sums: dict[Component, list[int]] = defaultdict(list)
         for (i, j), node in self.matrix(KERNELS["mass"]).items():
-            sums[free[i]].append(graph.mul(node, self.place(free[j], "qdd")))
+            sums[free[i]].append(graph.mul(node, self.coordinate(free[j], "qdd")))
         for i, node in self.vector(KERNELS["force"]).items():
             sums[free[i]].append(graph.neg(node))
         for (r, i), node in self.matrix(KERNELS["phi_q"]).items():
             sums[free[i]].append(graph.mul(node, graph.load("lam", r)))
         return {component: graph.sum(nodes) for component, nodes in sums.items()}
 
-    def place(self, component: Component, kind: str) -> int:
+    def coordinate(self, component: Component, kind: str) -> int:
         """Where a component, its velocity or its acceleration is read."""
         if component in self.whole.index:
             return self.graph.load(kind, self.whole.index[component])
@@ -108,4 +108,4 @@ class _Share(Lines):
 
     def _read(self, bound: BoundTerm, reference: Reference) -> int:
         kind, k = reference
-        return self.place(bound.coordinates[k], kind) if kind in ("q", "qd") else super()._read(bound, reference)
+        return self.coordinate(bound.coordinates[k], kind) if kind in ("q", "qd") else super()._read(bound, reference)

@@ -66,9 +66,9 @@ class MotionSizes:
     @cached_property
     def W(self) -> np.ndarray:
         """The size of every coordinate's mass (n,); one without mass takes the largest of all others."""
-        own = np.max([np.diag(M) for M in self.mass_matrices], axis=0)
-        largest = np.max(own * self.columns**2) / self.columns**2
-        return np.where(own > 1e-12 * largest, own, largest)
+        diagonals = np.max([np.diag(M) for M in self.mass_matrices], axis=0)
+        largest = np.max(diagonals * self.columns**2) / self.columns**2
+        return np.where(diagonals > 1e-12 * largest, diagonals, largest)
 
     @cached_property
     def V(self) -> np.ndarray:
@@ -108,11 +108,11 @@ class Saddle:
 
     def __init__(self, lines: Lines, sizes: MotionSizes, rows: Iterable[int], e: float | None = None) -> None:
         self.lines, self.graph, self.n = lines, lines.graph, len(lines.equations.free)
-        self.place = {r: self.n + k for k, r in enumerate(rows)}
-        self.jacobian = {(r, c): node for (r, c), node in lines.matrix(KERNELS["phi_q"]).items() if r in self.place}
+        self.index_of = {r: self.n + k for k, r in enumerate(rows)}
+        self.jacobian = {(r, c): node for (r, c), node in lines.matrix(KERNELS["phi_q"]).items() if r in self.index_of}
         self.A = lines.matrix(KERNELS["mass"])
         for (r, c), node in self.jacobian.items():
-            self.A[self.place[r], c] = self.A[c, self.place[r]] = node
+            self.A[self.index_of[r], c] = self.A[c, self.index_of[r]] = node
         self.factors = self._factors(sizes, self.graph.load("e", 0) if e is None else self.graph.const(e))
 
     def _factors(self, sizes: MotionSizes, e: int) -> SymmetricFactors:
@@ -121,21 +121,21 @@ class Saddle:
         for c in range(self.n):
             extra = graph.mul(graph.const(float(sizes.W[c])), e)
             H[c, c] = graph.add(H[c, c], extra) if (c, c) in H else extra
-        for r, place in self.place.items():
-            H[place, place] = graph.neg(graph.mul(graph.const(float(sizes.V[r])), e))
+        for r, index in self.index_of.items():
+            H[index, index] = graph.neg(graph.mul(graph.const(float(sizes.V[r])), e))
         samples = [self._numbers(H, sizes, mass, J) for mass, J in zip(sizes.mass_matrices, sizes.jacobians, strict=True)]
-        return factor_symmetric(graph, H, self.n + len(self.place), samples)
+        return factor_symmetric(graph, H, self.n + len(self.index_of), samples)
 
     def _numbers(
         self, pattern: Iterable[tuple[int, int]], sizes: MotionSizes, mass: np.ndarray, jacobian: np.ndarray
     ) -> dict[tuple[int, int], float]:
         """H as numbers without units: masses and rows of size 1."""
-        rows = list(self.place)
+        rows = list(self.index_of)
         J = jacobian[rows]
         scale = 1 / np.sqrt(np.concatenate([sizes.W, sizes.V[rows]]))
         H = np.block([[mass + REGULARISATION * np.diag(sizes.W), J.T], [J, -REGULARISATION * np.diag(sizes.V[rows])]])
         scaled = scale[:, None] * H * scale
-        return {place: float(scaled[place]) for place in pattern}
+        return {entry: float(scaled[entry]) for entry in pattern}
 
     def solve(self, right: Vector) -> Vector:
         return solve_symmetric(self.graph, self.factors, right)
@@ -185,9 +185,9 @@ class _Closing:
     def __init__(self, equations: Terms, sizes: MotionSizes, holonomic: list[int]) -> None:
         self.lines = Lines(equations)
         self.saddle = Saddle(self.lines, sizes, holonomic)
-        place = self.saddle.place
-        self.phi = {r: node for r, node in self.lines.vector(KERNELS["phi"]).items() if r in place}
-        self.right = {place[r]: self.lines.graph.neg(node) for r, node in self.phi.items()}
+        index = self.saddle.index_of
+        self.phi = {r: node for r, node in self.lines.vector(KERNELS["phi"]).items() if r in index}
+        self.right = {index[r]: self.lines.graph.neg(node) for r, node in self.phi.items()}
         self.step = self.saddle.solve(self.right)
 
     def program(self) -> Program:

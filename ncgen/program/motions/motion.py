@@ -47,7 +47,7 @@ def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:
 
 def _velocities(work: Recursion) -> Program:
     changes = work.spread(work.solve(_momentum(work)), {})
-    more = work.over_coordinates(changes, work.rates.place.velocities(changes))
+    more = work.over_coordinates(changes, work.rates.geometry.velocities(changes))
     rates = [work.graph.add(rate, change) for rate, change in zip(work.lines.rates, more, strict=True)]
     return work.lines.draft("velocities", STATE, [*rates, _growth(work)])
 
@@ -63,7 +63,7 @@ def _momentum(work: Recursion) -> Column:
             rates.load(loads, c, node)
         else:
             momentum[rates.own[c]] = node
-    return momentum | rates.place.inward(loads, {})
+    return momentum | rates.geometry.inward(loads, {})
 
 
 def _growth(work: Recursion) -> int:

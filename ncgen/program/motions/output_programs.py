@@ -47,10 +47,10 @@ def assemble_outputs(equations: Terms) -> tuple[Program, Program]:
     moved = [(array, k) for array in INPUTS[1:] for k in range(sizes[array])]
     along = {lines.graph.load(*leaf): lines.graph.load("seed", k) for k, leaf in enumerate(moved)}
     changes = tangent(lines.graph, nodes, along)
-    slope = lines.program("outputs_tangent", (*INPUTS, "seed"), [changes.get(node, lines.graph.const(0.0)) for node in nodes])
-    for each in (program, slope):
+    derivative = lines.program("outputs_tangent", (*INPUTS, "seed"), [changes.get(node, lines.graph.const(0.0)) for node in nodes])
+    for each in (program, derivative):
         verify(each, sizes | {"seed": len(moved)})
-    return program, slope
+    return program, derivative
 
 
 def assemble_load_slopes(equations: Terms) -> Program:

@@ -42,6 +42,7 @@ class Sliding:
 
     velocity: its sliding velocity (m/s), one expression in the plane, two in space; slip: as of `Contact`
     is_joint: whether the load may push and pull; across: number of another constraint, with which the load is √(λ² + λ'²)
+    may_rest: whether its slip may be zero, where there is no friction of it, and numbers may be of single precision, as in exports
     """
 
     name: str
@@ -51,6 +52,7 @@ class Sliding:
     slip: tuple[str, ...]
     is_joint: bool = False
     across: int | None = None
+    may_rest: bool = False
 
     @property
     def words(self) -> str:
@@ -84,7 +86,7 @@ class SlidingNodes:
 
         def matrix(signs: Sequence[int]) -> list[list[int]]:
             return [
-                [graph.sub(one if i == j else zero, graph.mul(share, s)) for j, (share, s) in enumerate(zip(row, signs, strict=True))]
+                [graph.sub(one if i == j else zero, graph.mul(factor, s)) for j, (factor, s) in enumerate(zip(row, signs, strict=True))]
                 for i, row in enumerate(shares)
             ]
 
@@ -137,15 +139,19 @@ def _direction(lines: Lines, sliding: Sliding) -> dict[int, int]:
         side = graph.call("sign", graph.sum([graph.mul(w, d) for w, d in zip(velocities, unit, strict=True)]))
         begun = [graph.mul(graph.const(BEGINNING), d) for d in unit]
         whole = [graph.add(graph.mul(side, w), d) for w, d in zip(velocities, begun, strict=True)]
-        size = graph.call("sqrt", graph.sum([graph.mul(w, w) for w in whole]))
+        squares = [graph.mul(w, w) for w in whole]
+        if sliding.may_rest:  # 0 / 1, not 0 / 0
+            slips = graph.call("sign", graph.sum([graph.call("abs", d) for d in unit]))
+            squares.append(graph.sub(graph.const(1.0), slips))
+        size = graph.call("sqrt", graph.sum(squares))
         unit = [graph.div(w, size) for w in whole]
     rates = [graph.load("qd", c) for c in range(n)]
     sums: dict[int, list[int]] = {}
     for velocity, d in zip(velocities, unit, strict=True):
-        slopes = gradient(graph, velocity, rates)
+        derivatives = gradient(graph, velocity, rates)
         for c, rate in enumerate(rates):
-            if rate in slopes:
-                sums.setdefault(c, []).append(graph.mul(slopes[rate], d))
+            if rate in derivatives:
+                sums.setdefault(c, []).append(graph.mul(derivatives[rate], d))
     return {c: graph.sum(nodes) for c, nodes in sums.items()}
 
 

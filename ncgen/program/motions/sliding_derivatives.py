@@ -39,8 +39,8 @@ class SlidingDerivatives:
         self._x = dict(motion.x)
         for answer, force in zip(nodes.answers, nodes.friction, strict=True):
             for i, node in answer.items():
-                part = lines.graph.mul(node, force)
-                self._x[i] = lines.graph.add(self._x[i], part) if i in self._x else part
+                product = lines.graph.mul(node, force)
+                self._x[i] = lines.graph.add(self._x[i], product) if i in self._x else product
 
     def along(self, changes: Mapping[int, int]) -> tuple[dict[int, int], dict[int, int]]:
         """How x {place: node} and the forces {coordinate: node} change where inputs of the graph do. changes: {input: its change}"""
@@ -72,12 +72,12 @@ class SlidingDerivatives:
     def back(self, weights: Sequence[int], variables: Sequence[int]) -> list[int]:
         """How the sum of weights (n) times the forces changes with variables of the graph."""
         graph, nodes = self._graph, self._nodes
-        own = [graph.sum([graph.mul(weights[c], node) for c, node in column.items()]) for column in nodes.columns]
+        weighted = [graph.sum([graph.mul(weights[c], node) for c, node in column.items()]) for column in nodes.columns]
         transposed = [list(row) for row in zip(*nodes.matrix, strict=True)]
-        shares, _ = solved_in_order(graph, transposed, [graph.mul(s, each) for s, each in zip(nodes.signs, own, strict=True)])
+        shares, _ = solved_in_order(graph, transposed, [graph.mul(s, each) for s, each in zip(nodes.signs, weighted, strict=True)])
         right = Sums()
-        for row, share in zip(nodes.rows, shares, strict=True):
-            right.setdefault(row, []).append(share)
+        for row, coefficient in zip(nodes.rows, shares, strict=True):
+            right.setdefault(row, []).append(coefficient)
         v, sums = nodes.motion.saddle.refined(_added(graph, right)), Sums()
         for i, node in self._right.items():
             if i in v:
@@ -89,8 +89,8 @@ class SlidingDerivatives:
             for c, node in column.items():
                 weight = graph.add(weights[c], v[c]) if c in v else weights[c]
                 sums.setdefault(node, []).append(graph.mul(weight, size))
-        slopes = adjoints(graph, _added(graph, sums), variables)
-        return [slopes.get(variable, graph.const(0.0)) for variable in variables]
+        derivatives = adjoints(graph, _added(graph, sums), variables)
+        return [derivatives.get(variable, graph.const(0.0)) for variable in variables]
 
 
 def assemble_friction_derivatives(equations: Terms, sizes: MotionSizes, sliding: Sequence[Sliding]) -> dict[str, Program]:
@@ -126,19 +126,19 @@ def with_friction(derivative: Program, friction: Mapping[str, Program], equation
     reads = {array: [graph.load(array, k) for k in range(length)] for array, length in lengths.items()}
     forces = {"forces": inlined(graph, friction["friction_forces"], reads)}
     if kind == "tangent":
-        own, seed = tangent_of(derivative, equations, 2 * n, prepared), reads[SEED]
+        program, seed = tangent_of(derivative, equations, 2 * n, prepared), reads[SEED]
         changes = inlined(graph, friction["friction_tangent"], reads | {SEED: seed[: 2 * n + count]})
-        outputs, more = inlined(graph, own, reads | forces | {SEED: [*seed[: 2 * n], *changes, *seed[2 * n :]]}), SEED
+        outputs, more = inlined(graph, program, reads | forces | {SEED: [*seed[: 2 * n], *changes, *seed[2 * n :]]}), SEED
     else:
-        own, more = adjoint_of(derivative, equations, 2 * n, prepared), BAR
-        whole = inlined(graph, own, reads | forces)
+        program, more = adjoint_of(derivative, equations, 2 * n, prepared), BAR
+        whole = inlined(graph, program, reads | forces)
         outputs = [*whole[: 2 * n], *whole[3 * n :]]
         parts = inlined(graph, friction["friction_adjoint"], reads | {BAR: whole[2 * n : 3 * n]})
         outputs[: len(parts)] = [graph.add(a, b) for a, b in zip(outputs, parts, strict=False)]
-    made = line(graph, own.name, (*STATE, more), outputs, equations)
+    made = line(graph, program.name, (*STATE, more), outputs, equations)
     verify(made, {array: lengths[array] for array in (*STATE, more)})
     return made
 
 
 def _added(graph: Graph, sums: Sums) -> dict[int, int]:
-    return {place: graph.sum(nodes) for place, nodes in sums.items()}
+    return {position: graph.sum(nodes) for position, nodes in sums.items()}

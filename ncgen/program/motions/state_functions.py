@@ -71,7 +71,7 @@ class StateResult:
     @property
     def places(self) -> list[tuple[int, int]]:
         """(row, column) of the entries, column by column."""
-        return sorted(self.entries, key=lambda place: place[::-1])
+        return sorted(self.entries, key=lambda entry: entry[::-1])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,7 +105,7 @@ class StateFunction:
     @property
     def nodes(self) -> list[int]:
         """Of all entries of the results."""
-        return [result.entries[place] for result in self.results for place in result.places]
+        return [result.entries[entry] for result in self.results for entry in result.places]
 
     @property
     def variables(self) -> dict[int, tuple[str, int]]:
@@ -116,19 +116,19 @@ class StateFunction:
         """Of vectors by all arguments; unrolled where that takes no more than so many operations."""
         variables = self.variables
         if operations(self.graph, self.nodes) * min(len(variables), len(self.nodes)) <= SWEEPS * most:
-            slopes = _slopes(self.graph, self.nodes, variables)
-            if operations(self.graph, (s for row in slopes.values() for s in row.values())) <= most:
-                return self._jacobian(slopes)
+            derivatives = _slopes(self.graph, self.nodes, variables)
+            if operations(self.graph, (s for row in derivatives.values() for s in row.values())) <= most:
+                return self._jacobian(derivatives)
         return self._jacobian(_reached(self.graph, self.nodes, variables), self)
 
-    def _jacobian(self, slopes: Slopes, along: StateFunction | None = None) -> StateFunction:
-        blocks = tuple(self._block(result, a, slopes) for result in self.results for a in self.inputs)
+    def _jacobian(self, derivatives: Slopes, along: StateFunction | None = None) -> StateFunction:
+        blocks = tuple(self._block(result, a, derivatives) for result in self.results for a in self.inputs)
         return StateFunction(name=f"jac_{self.name}", graph=self.graph, inputs=(*self.inputs, *self._values()), results=blocks, along=along)
 
-    def _block(self, result: StateResult, by: StateArgument, slopes: Slopes) -> StateResult:
+    def _block(self, result: StateResult, by: StateArgument, derivatives: Slopes) -> StateResult:
         entries: Entries = {}
         for (row, _), node in result.entries.items():
-            entries |= {(row, k): slope for (name, k), slope in slopes[node].items() if name == by.name}
+            entries |= {(row, k): derivative for (name, k), derivative in derivatives[node].items() if name == by.name}
         return StateResult(f"jac_{result.name}_{by.name}", (result.shape[0], by.size), entries)
 
     def adjoint(self) -> StateFunction:
@@ -155,12 +155,12 @@ def _vector(name: str, nodes: Sequence[int]) -> StateResult:
 def _slopes(graph: Graph, nodes: Iterable[int], loads: Mapping[int, tuple[str, int]]) -> Slopes:
     """By a sweep for every input or for every node, whichever needs fewer operations."""
     wanted, one = sorted(set(nodes)), graph.const(1.0)
-    by_node = {node: {loads[x]: slope for x, slope in gradient(graph, node, loads).items()} for node in wanted}
+    by_node = {node: {loads[x]: derivative for x, derivative in gradient(graph, node, loads).items()} for node in wanted}
     by_input: Slopes = {node: {} for node in wanted}
     for load, leaf in loads.items():
-        for node, slope in tangent(graph, wanted, {load: one}).items():
-            by_input[node][leaf] = slope
-    return min(by_node, by_input, key=lambda slopes: operations(graph, (s for row in slopes.values() for s in row.values())))
+        for node, derivative in tangent(graph, wanted, {load: one}).items():
+            by_input[node][leaf] = derivative
+    return min(by_node, by_input, key=lambda derivatives: operations(graph, (s for row in derivatives.values() for s in row.values())))
 
 
 def _reached(graph: Graph, nodes: Iterable[int], loads: Mapping[int, tuple[str, int]]) -> Slopes:

@@ -42,25 +42,25 @@ class Node:
     """A number of a graph that is added and multiplied like one."""
 
     graph: Graph
-    place: int
+    number: int
 
     def _of(self, other: Node | float) -> int:
-        return other.place if isinstance(other, Node) else self.graph.const(float(other))
+        return other.number if isinstance(other, Node) else self.graph.const(float(other))
 
     def __add__(self, other: Node | float) -> Node:
-        return Node(self.graph, self.graph.add(self.place, self._of(other)))
+        return Node(self.graph, self.graph.add(self.number, self._of(other)))
 
     def __sub__(self, other: Node | float) -> Node:
-        return Node(self.graph, self.graph.sub(self.place, self._of(other)))
+        return Node(self.graph, self.graph.sub(self.number, self._of(other)))
 
     def __mul__(self, other: Node | float) -> Node:
-        return Node(self.graph, self.graph.mul(self.place, self._of(other)))
+        return Node(self.graph, self.graph.mul(self.number, self._of(other)))
 
     def __truediv__(self, other: Node | float) -> Node:
-        return Node(self.graph, self.graph.div(self.place, self._of(other)))
+        return Node(self.graph, self.graph.div(self.number, self._of(other)))
 
     def __neg__(self) -> Node:
-        return Node(self.graph, self.graph.neg(self.place))
+        return Node(self.graph, self.graph.neg(self.number))
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -132,7 +132,7 @@ class _Step:
             return []
         p, inputs = self.loads("p", 0, self.n_p - self.n_w), self.loads("w", INSTANTS.index(instant) * self.n_w, self.n_w)
         arrays = {"t": [self.times[instant]], "q": q, "qd": qd or [], "p": p + inputs}
-        outputs = inlined(self.graph, program, {name: [each.place for each in nodes] for name, nodes in arrays.items()})
+        outputs = inlined(self.graph, program, {name: [each.number for each in nodes] for name, nodes in arrays.items()})
         return [Node(self.graph, node) for node in outputs]
 
     def vector(self, name: str, size: int, instant: str, q: Vector, qd: Vector | None = None) -> Vector:
@@ -254,7 +254,7 @@ def energy_momentum(step: _Step) -> Made:
         step.vector("energy", len(ENERGIES), *at) for at in (("start", q, step.qd), ("middle", middle, rate), ("end", end, qd))
     )
     heavy = step.times_vector(mass, change, n)
-    own = before[1] - after[1] + half[2] * h + _dot(rate, heavy, step.zero) - (after[0] - before[0]) - _dot(force, moved, step.zero)
+    energy = before[1] - after[1] + half[2] * h + _dot(rate, heavy, step.zero) - (after[0] - before[0]) - _dot(force, moved, step.zero)
     total = work - _dot(gap, lam, step.zero)  # what the two corrections say along `along`
     balance = step.balance(mass, [x / h for x in change], rows, lam, force)
     balance = sums(balance, (-total, along))
@@ -263,7 +263,7 @@ def energy_momentum(step: _Step) -> Made:
     missing = [a * projected + b * (-projected + 1.0) for a, b in zip(missing, held, strict=True)]
     closing = step.allowed("end", end, rates)
     closing = [a * projected + b * (-projected + 1.0) for a, b in zip(closing, push, strict=True)]
-    equations = [*balance, *step.closure(end), *missing, *closing, *sums(gap, (-1.0, lacking)), work - own]
+    equations = [*balance, *step.closure(end), *missing, *closing, *sums(gap, (-1.0, lacking)), work - energy]
     return equations, [*end, *rates]
 
 
@@ -286,10 +286,14 @@ def assemble_step(programs: Programs, method: str) -> StepEquations:
     assert len(F) == layout.unknowns
     lengths = {"u": layout.unknowns, "x": layout.state, "w": len(INSTANTS) * step.n_w, "p": step.n_p}
     columns = {leaf: k for k, leaf in enumerate((array, i) for array, length in lengths.items() for i in range(length))}
-    slopes = _slopes(step.graph, [node.place for node in (*F, *G)], columns)
-    pattern = Pattern.of((len(F) + len(G), len(columns)), slopes)
+    derivatives = _slopes(step.graph, [node.number for node in (*F, *G)], columns)
+    pattern = Pattern.of((len(F) + len(G), len(columns)), derivatives)
     program = line(
-        step.graph, "step", INPUTS, [*(node.place for node in F), *(slopes[place] for place in sorted(slopes))], programs.equations
+        step.graph,
+        "step",
+        INPUTS,
+        [*(node.number for node in F), *(derivatives[entry] for entry in sorted(derivatives))],
+        programs.equations,
     )
     verify(program, {"t": 1, "h": 1 + extra(method, step.n), **lengths})
     return StepEquations(program, layout, pattern)
@@ -298,11 +302,11 @@ def assemble_step(programs: Programs, method: str) -> StepEquations:
 def _slopes(graph: Graph, outputs: Sequence[int], columns: dict[tuple[str, int], int]) -> dict[tuple[int, int], int]:
     """{(row, column): node of the derivative}."""
     variables = {graph.load(*leaf): column for leaf, column in columns.items()}
-    slopes: dict[tuple[int, int], int] = {}
+    derivatives: dict[tuple[int, int], int] = {}
     for row, output in enumerate(outputs):
         if output in variables:
-            slopes[row, variables[output]] = graph.const(1.0)
+            derivatives[row, variables[output]] = graph.const(1.0)
             continue
-        for variable, slope in gradient(graph, output, variables).items():
-            slopes[row, variables[variable]] = slope
-    return slopes
+        for variable, derivative in gradient(graph, output, variables).items():
+            derivatives[row, variables[variable]] = derivative
+    return derivatives

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 from ncgen.program.algebra.space import TENSOR_INDICES, Space, Tensor, Vector
 from ncgen.program.tree.composite import SpatialInertia, massless
-from ncgen.program.tree.tree_motion import TreePlace
+from ncgen.program.tree.tree_motion import TreeGeometry
 
 Rows: TypeAlias = tuple[Vector, Vector, Vector]
 
@@ -70,44 +70,44 @@ def _times(space: Space, rows: Rows, vector: Vector) -> Vector:
     return x, y, z
 
 
-def accelerations(place: TreePlace, bodies: Sequence[SpatialInertia | None], right: dict[int, int]) -> dict[int, int]:
+def accelerations(geometry: TreeGeometry, bodies: Sequence[SpatialInertia | None], right: dict[int, int]) -> dict[int, int]:
     """{rate: ẍ} of H ẍ = right; bodies: the own inertia of every link.
 
     Raises SingularError where a joint moves nothing.
     """
-    space, graph, links = place.space, place.space.graph, place.tree.links
+    space, graph, links = geometry.space, geometry.space.graph, geometry.tree.links
     nothing = (space.zero, space.zero)
     beyond: list[Articulated | None] = [Articulated.of(space, body) if body else None for body in bodies]
     pull = [nothing] * len(links)
     steps: dict[int, tuple[Vector, Vector, int, int]] = {}
     for number in reversed(range(len(links))):
         beyond_joint, (moment, force) = beyond[number], pull[number]
-        for k in reversed(place.own[number]):
+        for k in reversed(geometry.own[number]):
             if beyond_joint is None:
-                raise massless(place.lines.equations.model.name)
-            axis, along = place.columns[k].axis, place.columns[k].along
+                raise massless(geometry.lines.equations.model.name)
+            axis, along = geometry.columns[k].axis, geometry.columns[k].along
             angular, linear = beyond_joint.times(space, axis, along)
             reciprocal = graph.div(graph.const(1.0), graph.add(space.dot(axis, angular), space.dot(along, linear)))
             rest = graph.sub(right[k], graph.add(space.dot(axis, moment), space.dot(along, force)))
             steps[k] = angular, linear, reciprocal, rest
             beyond_joint = beyond_joint.less(space, angular, linear, reciprocal)
-            share = graph.mul(reciprocal, rest)
-            moment, force = space.add(moment, space.times(share, angular)), space.add(force, space.times(share, linear))
+            quotient = graph.mul(reciprocal, rest)
+            moment, force = space.add(moment, space.times(quotient, angular)), space.add(force, space.times(quotient, linear))
         parent = links[number].parent
         if parent is not None and beyond_joint is not None:
-            before, beyond_joint = beyond[parent], beyond_joint.shifted(space, place.shift[number])
+            before, beyond_joint = beyond[parent], beyond_joint.shifted(space, geometry.shift[number])
             beyond[parent] = beyond_joint.plus(space, before) if before else beyond_joint
-            force, moment = place.leaving(number, (force, moment))
+            force, moment = geometry.leaving(number, (force, moment))
             pull[parent] = space.add(pull[parent][0], moment), space.add(pull[parent][1], force)
     rates_changes: dict[int, int] = {}
     moving = [nothing] * len(links)
     for number, link in enumerate(links):
-        turning, lift = place.arriving(number, moving[link.parent] if link.parent is not None else nothing)
-        for k in place.own[number]:
+        turning, lift = geometry.arriving(number, moving[link.parent] if link.parent is not None else nothing)
+        for k in geometry.own[number]:
             angular, linear, reciprocal, rest = steps[k]
             known = graph.add(space.dot(angular, turning), space.dot(linear, lift))
             rates_changes[k] = graph.mul(reciprocal, graph.sub(rest, known))
-            turning = space.add(turning, space.times(rates_changes[k], place.columns[k].axis))
-            lift = space.add(lift, space.times(rates_changes[k], place.columns[k].along))
+            turning = space.add(turning, space.times(rates_changes[k], geometry.columns[k].axis))
+            lift = space.add(lift, space.times(rates_changes[k], geometry.columns[k].along))
         moving[number] = turning, lift
     return rates_changes

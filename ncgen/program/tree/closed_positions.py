@@ -62,8 +62,8 @@ def assemble_closed_positions(
         raise NoRecursion("the bodies' shapes depend on parameters")
     zero = graph.const(0.0)
     if moved is None:
-        places = [placed[element][axis] for element, axis in map(where.__getitem__, split.dependent)]
-        return lines.program("newton", ("t", "q", "p"), places)
+        outputs = [placed[element][axis] for element, axis in map(where.__getitem__, split.dependent)]
+        return lines.program("newton", ("t", "q", "p"), outputs)
     return lines.draft("newton", ("t", "q", "p"), [*(corrections.get(c, zero) for c in moved), *[zero] * len(equations.rows)])
 
 
@@ -79,7 +79,7 @@ def _hinge(equations: Terms, tree: Tree, link: TreeLink, split: Split) -> Hinge:
     """The independent angle of a link's joint. Raises NoRecursion where there is none."""
     if len(link.screws) != 1 or link.screws[0].point is None:
         raise NoRecursion(f"{link.body.name} is on no hinge")
-    own = set(link.body.elements)
+    elements = set(link.body.elements)
     carrier = set(tree.links[link.parent].body.elements) if link.parent is not None else set()
     is_still = link.parent is None or link.screws[0].is_constant  # in the plane an angle may be measured from what rests
 
@@ -88,11 +88,13 @@ def _hinge(equations: Terms, tree: Tree, link: TreeLink, split: Split) -> Hinge:
 
     for c in split.independent:
         angle = next((e for e in equations.model.elements.values() if e.components[0] is equations.free[c]), None)
-        if not isinstance(angle, Angle) or not carried(angle.axis) or not (link.screws[0].is_constant or set(angle.axis.elements) <= own):
+        if not isinstance(angle, Angle) or not carried(angle.axis):
             continue
-        if carried(angle.start) and set(angle.end.elements) <= own:
+        if not (link.screws[0].is_constant or set(angle.axis.elements) <= elements):
+            continue
+        if carried(angle.start) and set(angle.end.elements) <= elements:
             return Hinge(angle, angle.start, 1.0)
-        if carried(angle.end) and set(angle.start.elements) <= own:
+        if carried(angle.end) and set(angle.start.elements) <= elements:
             return Hinge(angle, angle.end, -1.0)
     raise NoRecursion(f"{link.body.name}: no independent angle is that of its hinge")
 

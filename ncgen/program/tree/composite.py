@@ -20,7 +20,7 @@ from ncgen.errors import SingularError
 from ncgen.model.elements import Component
 from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.algebra.space import TENSOR_INDICES, Space, Tensor, Vector
-from ncgen.program.tree.tree_motion import Loads, TreePlace, TreeVelocity
+from ncgen.program.tree.tree_motion import Loads, TreeGeometry, TreeVelocity
 from ncgen.symbolic.inertia import Exact, StandardInertia, standard_inertia
 
 
@@ -105,40 +105,40 @@ def _form(space: Space, form: tuple[tuple[float, tuple[Component, ...]], ...], n
     return space.sum(vectors)
 
 
-def inertias_of(place: TreePlace) -> list[SpatialInertia | None]:
+def inertias_of(geometry: TreeGeometry) -> list[SpatialInertia | None]:
     """Of every link about its reference point, None of links without mass."""
-    links, lines = place.tree.links, place.lines
+    links, lines = geometry.tree.links, geometry.lines
     parameters = lines.equations.model.parameters
     return [
-        inertia_of(standard_inertia(link.body, parameters), place.space, place.node, lines.value, place.reference[number])
+        inertia_of(standard_inertia(link.body, parameters), geometry.space, geometry.node, lines.value, geometry.reference[number])
         if link.body.inertia
         else None
         for number, link in enumerate(links)
     ]
 
 
-def mass_matrix(place: TreePlace, inertias: Sequence[SpatialInertia | None]) -> Matrix:
+def mass_matrix(geometry: TreeGeometry, inertias: Sequence[SpatialInertia | None]) -> Matrix:
     """Both triangles of the mass matrix over the joints' rates: the momentum of all that a joint carries, against the screws of those that
     carry it."""
-    space, links = place.space, place.tree.links
-    composite = [own or nothing(space) for own in inertias]
+    space, links = geometry.space, geometry.tree.links
+    composite = [inertia or nothing(space) for inertia in inertias]
     H: Matrix = {}
     for number in reversed(range(len(links))):
-        for k in place.own[number]:
-            at = {number: composite[number].momentum(space, place.columns[k].axis, place.columns[k].along)}
-            chain = place.tree.chain(number)
+        for k in geometry.own[number]:
+            at = {number: composite[number].momentum(space, geometry.columns[k].axis, geometry.columns[k].along)}
+            chain = geometry.tree.chain(number)
             for inner, outer in zip(chain[-2::-1], chain[:0:-1], strict=True):
-                at[inner] = place.leaving(outer, at[outer])
-            for home, j in ((link, j) for link in chain for j in place.own[link] if j <= k):
-                (linear, angular), other = at[home], place.columns[j]
+                at[inner] = geometry.leaving(outer, at[outer])
+            for home, j in ((link, j) for link in chain for j in geometry.own[link] if j <= k):
+                (linear, angular), other = at[home], geometry.columns[j]
                 H[k, j] = H[j, k] = space.graph.add(space.dot(other.axis, angular), space.dot(other.along, linear))
         if (parent := links[number].parent) is not None:
-            composite[parent] = composite[parent].plus(space, composite[number].shifted(space, place.shift[number]))
+            composite[parent] = composite[parent].plus(space, composite[number].shifted(space, geometry.shift[number]))
     return H
 
 
 def needed_loads(
-    place: TreePlace,
+    geometry: TreeGeometry,
     velocity: TreeVelocity,
     inertias: Sequence[SpatialInertia | None],
     gravity: Vector,
@@ -148,8 +148,8 @@ def needed_loads(
 
     accelerations: of the joints' rates; None for what is needed without them
     """
-    space = place.space
-    more = place.twists(accelerations) if accelerations is not None else [(space.zero, space.zero)] * len(inertias)
+    space = geometry.space
+    more = geometry.twists(accelerations) if accelerations is not None else [(space.zero, space.zero)] * len(inertias)
     loads: Loads = {}
     for number, (body, (turned, moved)) in enumerate(zip(inertias, more, strict=True)):
         if body is not None:

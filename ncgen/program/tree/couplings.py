@@ -61,7 +61,7 @@ def couplings(tree: Tree, pairs: dict[int, tuple[int, float]]) -> Couplings:
     for screw, (before, ratio) in sorted(pairs.items()):
         first, more = leaders.get(before, (before, 1.0))
         leaders[screw] = (first, ratio * more)
-    links = {k: number for number, own in enumerate(tree.rates) for k in own}
+    links = {k: number for number, rates in enumerate(tree.rates) for k in rates}
     groups, carriers = [-1] * len(tree.links), []
     for first in sorted({leader for leader, _ in leaders.values()}):
         members = {links[first], *(links[k] for k, (leader, _) in leaders.items() if leader == first)}

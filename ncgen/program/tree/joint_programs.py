@@ -31,7 +31,7 @@ from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.tree.composite import inertias_of, mass_matrix, needed_loads, nothing
 from ncgen.program.tree.regressor import NAMES, frames_of, regressor
-from ncgen.program.tree.tree_motion import Loads, TreePlace, TreeVelocity, add_force
+from ncgen.program.tree.tree_motion import Loads, TreeGeometry, TreeVelocity, add_force
 from ncgen.program.tree.tree_position import TreePosition
 from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.numbering import Terms
@@ -51,10 +51,10 @@ Followed = Mapping[int, tuple[int, float]]
 it is the coordinate's that the programs take and give."""
 
 
-def assemble_joint_space(equations: Terms, followed: Followed, what: Made) -> dict[str, Program]:
+def assemble_joint_space(equations: Terms, followed: Followed, group: Made) -> dict[str, Program]:
     """The programs by name; every coordinate must be that of an element of the tree, or followed."""
     tree = spanning_tree(equations.model)
-    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MAKERS[what]}
+    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MAKERS[group]}
     n, count = len(equations.free), tree.dof
     for program in programs.values():
         verify(program, {"t": 1, "q": n, "p": len(equations.parameters)} | dict.fromkeys(("x", "v", "a", "dx", "dv"), count))
@@ -74,19 +74,19 @@ def gravity_of(lines: Lines) -> Vector:
     return x, y, z
 
 
-def momenta(place: TreePlace) -> list[int]:
+def momenta(geometry: TreeGeometry) -> list[int]:
     """Mass, first moment about the origin, and the momenta about the origin of every screw at rate 1."""
-    space, graph, links = place.space, place.space.graph, place.tree.links
-    composite = [own or nothing(space) for own in inertias_of(place)]
-    total, first, momentum = graph.const(0.0), space.zero, [graph.const(0.0)] * (6 * len(place.columns))
+    space, graph, links = geometry.space, geometry.space.graph, geometry.tree.links
+    composite = [each or nothing(space) for each in inertias_of(geometry)]
+    total, first, momentum = graph.const(0.0), space.zero, [graph.const(0.0)] * (6 * len(geometry.columns))
     for number in reversed(range(len(links))):
-        inertia, reference = composite[number], place.reference[number]
-        for k in place.own[number]:
-            linear, angular = inertia.momentum(space, place.columns[k].axis, place.columns[k].along)
+        inertia, reference = composite[number], geometry.reference[number]
+        for k in geometry.own[number]:
+            linear, angular = inertia.momentum(space, geometry.columns[k].axis, geometry.columns[k].along)
             momentum[6 * k : 6 * k + 6] = [*linear, *space.add(angular, space.cross(reference, linear))]
         parent = links[number].parent
         if parent is not None:
-            composite[parent] = composite[parent].plus(space, inertia.shifted(space, place.shift[number]))
+            composite[parent] = composite[parent].plus(space, inertia.shifted(space, geometry.shift[number]))
         else:
             total = graph.add(total, inertia.mass)
             first = space.sum((first, inertia.first, space.times(inertia.mass, reference)))
@@ -100,9 +100,9 @@ class _Basics:
         self.model, self.followed = equations.model, followed
         self.tree = spanning_tree(self.model)
         self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
-        self.graph, self.place = self.lines.graph, TreePlace(self.lines, self.tree)
-        self.space, self.count = self.place.space, self.tree.dof
-        shares = {k: share for k, share in followed.values()}
+        self.graph, self.geometry = self.lines.graph, TreeGeometry(self.lines, self.tree)
+        self.space, self.count = self.geometry.space, self.tree.dof
+        shares = {k: factor for k, factor in followed.values()}
         self.scale = [self.graph.const(1.0 / shares.get(k, 1.0)) for k in range(self.count)]
 
     def program(self, name: str, inputs: tuple[str, ...], outputs: list[int]) -> Program:
@@ -126,24 +126,24 @@ class _Basics:
 
     def _displacement(self, k: int) -> int:
         """How far a screw has gone since the initial position."""
-        own = next((c for c, (rate, _) in self.followed.items() if rate == k), None)
-        start = self.graph.const(0.0) if own is None else self.lines.value(self.lines.equations.free[own].value)
+        coordinate = next((c for c, (rate, _) in self.followed.items() if rate == k), None)
+        start = self.graph.const(0.0) if coordinate is None else self.lines.value(self.lines.equations.free[coordinate].value)
         return self.graph.mul(self.scale[k], self.graph.sub(self.graph.load("x", k), start))
 
     def screws(self) -> Program:
         outputs: list[int] = []
-        for number, own in enumerate(self.place.own):
-            for k in own:
-                axis, along = self.place.columns[k].axis, self.place.columns[k].along
+        for number, rates in enumerate(self.geometry.own):
+            for k in rates:
+                axis, along = self.geometry.columns[k].axis, self.geometry.columns[k].along
                 outputs += [self.scaled(k, node) for node in (*axis, *self._at_origin(axis, along, number))]
         return self.program("screws", POSITION, outputs)
 
     def _at_origin(self, axis: Vector, along: Vector, link: int) -> Vector:
         """The velocity of a screw at the origin, from that at the reference point."""
-        return self.space.add(along, self.space.cross(self.place.reference[link], axis))
+        return self.space.add(along, self.space.cross(self.geometry.reference[link], axis))
 
     def mass(self) -> Program:
-        H, zero = mass_matrix(self.place, inertias_of(self.place)), self.graph.const(0.0)
+        H, zero = mass_matrix(self.geometry, inertias_of(self.geometry)), self.graph.const(0.0)
         for (a, b), node in self.rotors.items():
             H[a, b] = self.graph.add(H[a, b], node) if (a, b) in H else node
         lower = ((i, j) for i in range(self.count) for j in range(i + 1))
@@ -162,19 +162,19 @@ class _Basics:
         return self.program("loads_tangent", (*MOVING, *DIRECTION), self._changes(self._loads()))
 
     def momenta(self) -> Program:
-        total, angular = momenta(self.place)[:4], momenta(self.place)[4:]
+        total, angular = momenta(self.geometry)[:4], momenta(self.geometry)[4:]
         return self.program("momenta", POSITION, [*total, *(self.scaled(k // 6, node) for k, node in enumerate(angular))])
 
     def regressor(self) -> Program:
-        gravity, velocity = gravity_of(self.lines), TreeVelocity(self.place, self.rates())
-        rows = regressor(self.place, velocity, gravity, self.rates("a"), frames_of(self.model, self.tree))
+        gravity, velocity = gravity_of(self.lines), TreeVelocity(self.geometry, self.rates())
+        rows = regressor(self.geometry, velocity, gravity, self.rates("a"), frames_of(self.model, self.tree))
         count, none = len(NAMES) * len(self.tree.links), self.graph.const(0.0)
         nodes = [self.scaled(k, rows[k].get(c, none)) for k in range(self.count) for c in range(count)]
         return self.program("regressor", ACCELERATED, nodes)
 
     def _changes(self, nodes: Sequence[int]) -> list[int]:
         """How nodes change along dx and dv."""
-        where, vectors = moving(self.lines.equations, self.tree), self.place.velocities(self.rates("dx"))
+        where, vectors = moving(self.lines.equations, self.tree), self.geometry.velocities(self.rates("dx"))
         moved = [
             vectors[where[c][0]][where[c][1]] if c in where else self.graph.load("dx", self.followed[c][0])
             for c in range(len(self.lines.equations.free))
@@ -182,15 +182,15 @@ class _Basics:
         return changes(self.graph, nodes, moved, self.count)
 
     def _inverse(self) -> list[int]:
-        velocity = TreeVelocity(self.place, self.rates())
-        needed = needed_loads(self.place, velocity, inertias_of(self.place), gravity_of(self.lines), self.rates("a"))
-        forces = {k: self.graph.neg(node) for k, node in self.place.inward({}, needed).items()}
+        velocity = TreeVelocity(self.geometry, self.rates())
+        needed = needed_loads(self.geometry, velocity, inertias_of(self.geometry), gravity_of(self.lines), self.rates("a"))
+        forces = {k: self.graph.neg(node) for k, node in self.geometry.inward({}, needed).items()}
         for (a, b), node in self.rotors.items():
             forces[a] = self.graph.add(forces.get(a, self.graph.const(0.0)), self.graph.mul(node, self.rates("a")[b]))
         return [self.scaled(k, forces[k]) if k in forces else self.graph.const(0.0) for k in range(self.count)]
 
     def _loads(self) -> list[int]:
-        where, velocity = moving(self.lines.equations, self.tree), TreeVelocity(self.place, self.rates())
+        where, velocity = moving(self.lines.equations, self.tree), TreeVelocity(self.geometry, self.rates())
         for c in range(len(self.lines.rates)):
             if c in where:
                 element, axis = where[c]
@@ -201,16 +201,16 @@ class _Basics:
         along: dict[int, list[int]] = {}
         for c, node in sorted(self.lines.vector(KERNELS["force"]).items()):
             if c in where:
-                add_force(self.place, loads, *where[c], node)
+                add_force(self.geometry, loads, *where[c], node)
             else:
                 along.setdefault(self.followed[c][0], []).append(node)
-        forces = {k: self.scaled(k, node) for k, node in self.place.inward(loads, {}).items()}
+        forces = {k: self.scaled(k, node) for k, node in self.geometry.inward(loads, {}).items()}
         return [self.graph.sum([*along.get(k, []), *([forces[k]] if k in forces else [])]) for k in range(self.count)]
 
     @cached_property
     def rotors(self) -> Matrix:
         """Inertia of relative coordinates over the screws' rates."""
-        shares = {c: (k, self.graph.const(share)) for c, (k, share) in self.followed.items()}
+        shares = {c: (k, self.graph.const(factor)) for c, (k, factor) in self.followed.items()}
         inertias: Matrix = {}
         for (a, b), node in self.lines.matrix(KERNELS["mass"]).items():
             (i, first), (j, second) = shares[a], shares[b]

@@ -31,24 +31,24 @@ MIN_SQUARED_MOTION = 1e-12
 
 def measured_rates(rates: Rates, masses: Matrix) -> list[int]:
     """Nodes of the free rates; masses: M of all coordinates, as nodes."""
-    own = {k: rates.graph.load("qd", c) for c, k in rates.own.items()}
+    measured = {k: rates.graph.load("qd", c) for c, k in rates.own.items()}
     joints = _Joints(rates, masses)
-    return [own[k] if k in own else joints.rate(k) for k in rates.free]
+    return [measured[k] if k in measured else joints.rate(k) for k in rates.free]
 
 
 class _Joints:
     """Links whose twists are measured, each when it is first asked for."""
 
     def __init__(self, rates: Rates, masses: Matrix) -> None:
-        self.rates, self.place, self.space, self.graph = rates, rates.place, rates.place.space, rates.graph
-        self.link = {k: number for number, own in enumerate(self.place.own) for k in own}
+        self.rates, self.geometry, self.space, self.graph = rates, rates.geometry, rates.geometry.space, rates.graph
+        self.link = {k: number for number, numbers in enumerate(self.geometry.own) for k in numbers}
         self.masses = masses
         self.known: dict[int, list[int]] = {}
         self.twists: dict[int | None, tuple[Vector, Vector]] = {None: (self.space.zero, self.space.zero)}
 
     def rate(self, k: int) -> int:
         number = self.link[k]
-        return self._of(number)[k - self.place.own[number].start]
+        return self._of(number)[k - self.geometry.own[number].start]
 
     def _of(self, number: int) -> list[int]:
         """The rates of a link's joint."""
@@ -59,34 +59,36 @@ class _Joints:
     def _twist(self, number: int | None) -> tuple[Vector, Vector]:
         """Of a link, None for the ground."""
         if number is not None and number not in self.twists:
-            before = self._twist(self.place.tree.links[number].parent)
-            before = self.place.arriving(number, before)
-            self.twists[number] = self.place.turned(before, zip(self._of(number), self.place.own[number], strict=True))
+            before = self._twist(self.geometry.tree.links[number].parent)
+            before = self.geometry.arriving(number, before)
+            self.twists[number] = self.geometry.turned(before, zip(self._of(number), self.geometry.own[number], strict=True))
         return self.twists[number]
 
     def _measured(self, number: int) -> list[int]:
-        own, link = self.place.own[number], self.place.tree.links[number]
-        moved = {e: self.place.moved(e, number) for e in link.body.elements}
+        indices, link = self.geometry.own[number], self.geometry.tree.links[number]
+        moved = {e: self.geometry.moved(e, number) for e in link.body.elements}
         moved = {
-            e: v for e, v in moved.items() if not e.fixed or any(self._reach(v[k]) > MIN_SQUARED_MOTION * self._size(e) ** 2 for k in own)
+            e: v
+            for e, v in moved.items()
+            if not e.fixed or any(self._reach(v[k]) > MIN_SQUARED_MOTION * self._size(e) ** 2 for k in indices)
         }
         weights = self._weights(moved)
-        if len(own) == 1:
-            (k,) = own
+        if len(indices) == 1:
+            (k,) = indices
             best = max(moved, key=lambda e: weights[e] * self._reach(moved[e][k]))
             moved = {best: moved[best]}
-        matrix = {(i, j): self._product(moved, weights, a, b) for i, a in enumerate(own) for j, b in enumerate(own[: i + 1])}
-        sizes = np.array([np.min(np.abs(self._values(matrix[i, i]))) for i in range(len(own))])
+        matrix = {(i, j): self._product(moved, weights, a, b) for i, a in enumerate(indices) for j, b in enumerate(indices[: i + 1])}
+        sizes = np.array([np.min(np.abs(self._values(matrix[i, i]))) for i in range(len(indices))])
         for (i, j), node in matrix.items():
             matrix[i, j] = self._plain(node, float(np.sqrt(sizes[i] * sizes[j])))
         offsets = {e: self._relative_velocity(e, number) for e in moved}
-        right = [self._sum(weights, {e: self.space.dot(moved[e][k], v) for e, v in offsets.items()}) for k in own]
-        return solve_positive(self.graph, matrix, len(own), right)
+        right = [self._sum(weights, {e: self.space.dot(moved[e][k], v) for e, v in offsets.items()}) for k in indices]
+        return solve_positive(self.graph, matrix, len(indices), right)
 
     def _size(self, element: Spatial) -> float:
         """The natural size of an element's coordinates, of one that rests that of its kind."""
-        own = [float(self.rates.natural[c]) for c, (e, _) in self.rates.where.items() if e is element]
-        return max(own, default=self.rates.length if isinstance(element, Point) else 1.0)
+        sizes = [float(self.rates.natural[c]) for c, (e, _) in self.rates.where.items() if e is element]
+        return max(sizes, default=self.rates.length if isinstance(element, Point) else 1.0)
 
     def _reach(self, moved: Vector) -> float:
         """How far a screw moves an element at least, squared."""
@@ -115,8 +117,8 @@ class _Joints:
 
     def _relative_velocity(self, element: Spatial, number: int) -> Vector:
         """An element's velocity without that of the link's parent."""
-        twist = self.place.arriving(number, self._twist(self.place.tree.links[number].parent))
-        return self.space.sub(self._velocity(element), self.place.carried(element, number, twist))
+        twist = self.geometry.arriving(number, self._twist(self.geometry.tree.links[number].parent))
+        return self.space.sub(self._velocity(element), self.geometry.carried(element, number, twist))
 
     def _velocity(self, element: Spatial) -> Vector:
         equations = self.rates.equations
@@ -127,9 +129,9 @@ class _Joints:
         """Masses of elements in the samples, relative to the heaviest in natural sizes."""
         sizes, masses = {}, {}
         for e in elements:
-            places = [c for c, (element, _) in self.rates.where.items() if element is e]
+            indices = [c for c, (element, _) in self.rates.where.items() if element is e]
             sizes[e] = self._size(e) ** 2
-            candidates = (float(np.max(self._values(self.masses[c, c]))) for c in places if (c, c) in self.masses)
+            candidates = (float(np.max(self._values(self.masses[c, c]))) for c in indices if (c, c) in self.masses)
             masses[e] = max(candidates, default=0.0) * sizes[e]
         heaviest = max(masses.values()) or 1.0
         return {e: roughly(max(masses[e] / heaviest, MASSLESS_FRACTION) / sizes[e]) for e in sizes}

@@ -50,9 +50,9 @@ class JointLoops(Recursion):
         self.wanted = wanted
         super().__init__(equations, None, samples, sizes)
 
-    def programs(self, what: Made) -> dict[str, Program]:
+    def programs(self, group: Made) -> dict[str, Program]:
         """By name."""
-        made = {program.name: program for program in (make(self) for make in MAKERS[what])}
+        made = {program.name: program for program in (make(self) for make in MAKERS[group])}
         rates = self.rates
         lengths = {"t": 1, "q": len(rates.equations.free), "x": rates.count, "p": len(rates.equations.parameters)}
         for program in made.values():
@@ -77,10 +77,10 @@ class JointLoops(Recursion):
         return _Closing(self).program
 
     def screws(self) -> Program:
-        place, outputs = self.rates.place, []
-        for reference, own in zip(place.reference, place.own, strict=True):
-            for column in (place.columns[k] for k in own):
-                outputs += [*column.axis, *place.space.add(column.along, place.space.cross(reference, column.axis))]
+        geometry, outputs = self.rates.geometry, []
+        for reference, rates in zip(geometry.reference, geometry.own, strict=True):
+            for column in (geometry.columns[k] for k in rates):
+                outputs += [*column.axis, *geometry.space.add(column.along, geometry.space.cross(reference, column.axis))]
         return self._program("screws", POSITION, outputs)
 
     def spread_over_rates(self) -> Program:
@@ -103,7 +103,7 @@ class JointLoops(Recursion):
         return self._program("mass", POSITION, [dot(self.graph, self.R[i], self._HR[j]) for i in range(len(self.R)) for j in range(i + 1)])
 
     def momenta(self) -> Program:
-        return self._program("momenta", POSITION, momenta(self.rates.place))
+        return self._program("momenta", POSITION, momenta(self.rates.geometry))
 
     def inverse(self) -> Program:
         return self._program("inverse", ACCELERATED, self._needed)
@@ -118,18 +118,19 @@ class JointLoops(Recursion):
         return self._program("loads_tangent", (*MOVING, *DIRECTION), self._changes(self._given))
 
     def regressor(self) -> Program:
-        place = self.rates.place
+        geometry = self.rates.geometry
         rates = self.spread(self._loaded("a"), self.bias)[: self.joints]
-        rows = regressor(place, self.velocity, gravity_of(self.lines), rates, frames_of(self.model, place.tree))
-        columns = [{k: row[c] for k, row in rows.items() if c in row} for c in range(len(NAMES) * len(place.tree.links))]
-        return self._program("regressor", ACCELERATED, [dot(self.graph, own, column) for own in self.R for column in columns])
+        rows = regressor(geometry, self.velocity, gravity_of(self.lines), rates, frames_of(self.model, geometry.tree))
+        columns = [{k: row[c] for k, row in rows.items() if c in row} for c in range(len(NAMES) * len(geometry.tree.links))]
+        return self._program("regressor", ACCELERATED, [dot(self.graph, row, column) for row in self.R for column in columns])
 
     @cached_property
     def _needed(self) -> list[int]:
         """Forces of the independent rates against inertia and gravity."""
-        place, graph = self.rates.place, self.graph
+        geometry, graph = self.rates.geometry, self.graph
         rates = self.spread(self._loaded("a"), self.bias)
-        needed = place.inward({}, needed_loads(place, self.velocity, self.loads.own, gravity_of(self.lines), rates[: self.joints]))
+        loads = needed_loads(geometry, self.velocity, self.loads.inertias, gravity_of(self.lines), rates[: self.joints])
+        needed = geometry.inward({}, loads)
         forces: Column = {k: graph.neg(node) for k, node in needed.items()}
         if self.loads.mass:
             accelerations = self.over_coordinates(rates, self.velocity.accelerations(rates[: self.joints]))
@@ -143,13 +144,13 @@ class JointLoops(Recursion):
     def _given(self) -> list[int]:
         """What forces of the model do along the independent rates."""
         loads, along = self._applied()
-        along |= self.rates.place.inward(loads, {})
+        along |= self.rates.geometry.inward(loads, {})
         return [dot(self.graph, column, along) for column in self.R]
 
     def _changes(self, nodes: Sequence[int]) -> list[int]:
         """How nodes change along dx and dv."""
         rates = self.spread(self._loaded("dx"), {})
-        return changes(self.graph, nodes, self.over_coordinates(rates, self.rates.place.velocities(rates)), len(self.R))
+        return changes(self.graph, nodes, self.over_coordinates(rates, self.rates.geometry.velocities(rates)), len(self.R))
 
     def correction(self) -> Program:
         """dependent(t, q, r, p) -> what all rates change by where rows are off by r."""
@@ -168,14 +169,14 @@ class _Closing:
         self.x = [self.graph.load("x", k) for k in range(rates.count)]
         self.moved = TreePosition(self.lines, work.tree, self.x[: work.joints])
         self.q = [self._coordinate(c) for c in range(len(rates.equations.free))]
-        given = {
+        inputs = {
             "t": [self.graph.load("t", 0)],
             "q": self.q,
             "p": [self.graph.load("p", k) for k in range(len(rates.equations.parameters))],
         }
-        self.phi = inlined(self.graph, self._rows(), given)
+        self.phi = inlined(self.graph, self._rows(), inputs)
         off = [self._off(row) for row in work.rows]
-        steps = self._over_displacements(inlined(self.graph, work.correction(), given | {"r": off}))
+        steps = self._over_displacements(inlined(self.graph, work.correction(), inputs | {"r": off}))
         self.program = line(self.graph, "joint_position", ("t", "x", "p"), [*self.q, *steps], rates.equations)
 
     def _over_displacements(self, steps: list[int]) -> list[int]:
@@ -228,7 +229,7 @@ class _Closing:
 
     def _start(self, k: int) -> int:
         """A rate's displacement, or a coordinate's value, in the initial position."""
-        c = next((c for c, own in self.work.rates.own.items() if own == k), None)
+        c = next((c for c, rate in self.work.rates.own.items() if rate == k), None)
         return self.graph.const(0.0) if c is None else self.lines.value(self.work.rates.equations.free[c].value)
 
 

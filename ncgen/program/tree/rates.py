@@ -22,7 +22,7 @@ from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
-from ncgen.program.tree.tree_motion import Loads, TreePlace, add_force
+from ncgen.program.tree.tree_motion import Loads, TreeGeometry, add_force
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.tree import Tree, moving
 
@@ -76,21 +76,21 @@ class Rates:
         self, equations: Terms, lines: Lines, tree: Tree, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray
     ) -> None:
         self.equations, self.tree, self.natural = equations, tree, sizes
-        self.graph, self.place = lines.graph, TreePlace(lines, tree)
+        self.graph, self.geometry = lines.graph, TreeGeometry(lines, tree)
         self.sampling = Sampling(lines.graph, samples)
         away = max(float(np.max(np.abs(sample.q) / sizes, initial=0.0)) for sample in samples)
         self.vanishing = max(ENTRY_ROUNDING, POSITION_ROUNDING * away)
         self.where = moving(equations, tree)
-        joints = len(self.place.columns)
+        joints = len(self.geometry.columns)
         independent = split.independent if split else ()
-        own = [c for c in range(len(equations.free)) if c not in self.where or c in independent]
-        self.own = {c: joints + k for k, c in enumerate(own)}
-        self.count = joints + len(own)
+        remaining = [c for c in range(len(equations.free)) if c not in self.where or c in independent]
+        self.own = {c: joints + k for k, c in enumerate(remaining)}
+        self.count = joints + len(remaining)
         self.free = [self.own[c] for c in independent]
         measured = {component for e in equations.model.elements.values() if isinstance(e, Relative) for component in e.components}
         self.measured = {k for c, k in self.own.items() if equations.free[c] in measured}
         self.length = max((sizes[c] for c, (e, _) in self.where.items() if isinstance(e, Point)), default=1.0)
-        self.sizes = np.array([*(self._size(column.axis) for column in self.place.columns), *(sizes[c] for c in own)])
+        self.sizes = np.array([*(self._size(column.axis) for column in self.geometry.columns), *(sizes[c] for c in remaining)])
         self.jacobian: dict[int, dict[int, int]] = defaultdict(dict)
         for (r, c), node in sorted(lines.matrix(KERNELS["phi_q"]).items()):
             self.jacobian[r][c] = node
@@ -118,7 +118,7 @@ class Rates:
                 self.load(loads, c, node)
             else:
                 row[self.own[c]] = node
-        row |= self.place.inward(loads, {})
+        row |= self.geometry.inward(loads, {})
         scale = max(float(np.max(np.abs(self.sampling[node]))) * self.natural[c] for c, node in entries.items())
         row = self._nonzero(row, scale)
         snapped = self._constant(row)
@@ -126,14 +126,14 @@ class Rates:
 
     def load(self, loads: Loads, c: int, node: int) -> None:
         """Add a generalised force along a coordinate to force and moment on its link."""
-        add_force(self.place, loads, *self.where[c], node)
+        add_force(self.geometry, loads, *self.where[c], node)
 
     def _carried(self, element: Spatial, link: int) -> list[RateRow]:
         """An element that a link shares with another one that carries it, or that is held, moves as that one says; and where a
         coordinate is independent, its rate is that of the element."""
         home = self.tree.home.get(element)
-        own_motion = self.place.moved(element, link)
-        home_motion = self.place.moved(element, home) if home is not None and home != link else {}
+        own_motion = self.geometry.moved(element, link)
+        home_motion = self.geometry.moved(element, home) if home is not None and home != link else {}
         zero, reach = self.graph.const(0.0), self.length if isinstance(element, Point) else 1.0
         rows = []
         for axis, component in enumerate(element.components):
@@ -179,7 +179,7 @@ class Rates:
 
     @cached_property
     def _start(self) -> dict[ArrayElement, int]:
-        return {ArrayElement("q", c): self.place.lines.value(component.value) for c, component in enumerate(self.equations.free)}
+        return {ArrayElement("q", c): self.geometry.lines.value(component.value) for c, component in enumerate(self.equations.free)}
 
     def nonzero_column(self, column: dict[int, int]) -> dict[int, int]:
         """{rate: node} without what is rounding in every sample."""
@@ -192,8 +192,8 @@ class Rates:
             for k, node in row.entries.items():
                 matrices[:, i, k] = self.sampling[node] * self.sizes[k]
         largest = np.max(np.abs(matrices), axis=2, initial=1e-300)
-        own = np.max(largest[self.sampling.alike], axis=0)
-        return matrices / np.where(own > 1e-300, own, np.max(largest, axis=0))[None, :, None]
+        largest_alike = np.max(largest[self.sampling.alike], axis=0)
+        return matrices / np.where(largest_alike > 1e-300, largest_alike, np.max(largest, axis=0))[None, :, None]
 
     def choose(self, rows: list[RateRow], weights: Mapping[int, float] | None = None) -> None:
         """Let those rates be free that determine the others best in the first sample.

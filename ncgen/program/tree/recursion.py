@@ -70,7 +70,7 @@ def assemble_recursions(equations: Terms, split: Split, samples: Sequence[Sample
 class _Loads:
     """own: inertia of every link; force: of every rate without accelerations of the joints; mass: M of coordinates of no link."""
 
-    own: list[SpatialInertia | None]
+    inertias: list[SpatialInertia | None]
     force: Column
     mass: Matrix
 
@@ -132,7 +132,7 @@ class Recursion:
     @property
     def joints(self) -> int:
         """How many rates the joints of the tree have."""
-        return len(self.rates.place.columns)
+        return len(self.rates.geometry.columns)
 
     def written(self, zdd: Sequence[int]) -> Program:
         """The program `acceleration` of these accelerations of the independent coordinates."""
@@ -174,7 +174,7 @@ class Recursion:
         """x = R ż + S ν, and with it all velocities."""
         driven = {i: self.nu[row.source] for i, row in enumerate(self.rows) if isinstance(row.source, int) and row.source in self.nu}
         x = self.spread(self.speeds, self.particular(driven))
-        velocity = TreeVelocity(self.rates.place, x[: self.joints])
+        velocity = TreeVelocity(self.rates.geometry, x[: self.joints])
         self.lines.rates[:] = self.over_coordinates(x, velocity.velocity)
         return velocity
 
@@ -182,14 +182,14 @@ class Recursion:
         """All rates, R free + particular."""
         x = [particular.get(k, self.zero) for k in range(self.rates.count)]
         for node, column in zip(free, self.R, strict=True):
-            for k, share in column.items():
-                x[k] = self.graph.add(x[k], self.graph.mul(share, node))
+            for k, coefficient in column.items():
+                x[k] = self.graph.add(x[k], self.graph.mul(coefficient, node))
         return x
 
     def over_coordinates(self, rates: Sequence[int], vectors: dict) -> list[int]:
         """What rates and a vector for every element say of each coordinate."""
-        own = self.rates.own
-        return [rates[own[c]] if c in own else self.along(vectors, c) for c in range(len(self.rates.equations.free))]
+        rate_of = self.rates.own
+        return [rates[rate_of[c]] if c in rate_of else self.along(vectors, c) for c in range(len(self.rates.equations.free))]
 
     def along(self, vectors: dict, c: int) -> int:
         """What a vector for every element says of a coordinate."""
@@ -217,12 +217,12 @@ class Recursion:
 
     def _loads(self) -> _Loads:
         """Inertias, and the forces of the rates: applied ones less what bodies need without accelerations of the joints."""
-        place = self.rates.place
+        geometry = self.rates.geometry
         loads, right = self._applied()
         x, y, z = map(self.lines.value, self.model.gravity_field)
-        own = inertias_of(place)
-        right |= place.inward(loads, needed_loads(place, self.velocity, own, (x, y, z)))
-        return _Loads(own, right, self.lines.matrix(KERNELS["mass"]))
+        inertias = inertias_of(geometry)
+        right |= geometry.inward(loads, needed_loads(geometry, self.velocity, inertias, (x, y, z)))
+        return _Loads(inertias, right, self.lines.matrix(KERNELS["mass"]))
 
     def _applied(self) -> tuple[Loads, Column]:
         """Force and moment on every link, and forces along coordinates of no link, of all that is not inertia of the tree."""
@@ -240,7 +240,7 @@ class Recursion:
 
     def _mass_matrix(self) -> tuple[Matrix, Column]:
         """H, both triangles, and the forces of the rates with those of masses of no link."""
-        H = mass_matrix(self.rates.place, self.loads.own)
+        H = mass_matrix(self.rates.geometry, self.loads.inertias)
         right = dict(self.loads.force)
         for (a, b), mass in sorted(self.loads.mass.items()):
             self._add_mass(H, right, a, b, mass)
@@ -250,19 +250,19 @@ class Recursion:
         """An entry of M adds TᵀMT to H, and takes TᵀM b from the forces."""
         graph = self.graph
         for i, left in self._moved(a).items():
-            part = graph.mul(mass, left)
+            weighted = graph.mul(mass, left)
             for j, node in self._moved(b).items():
-                product = graph.mul(part, node)
+                product = graph.mul(weighted, node)
                 H[i, j] = graph.add(H[i, j], product) if (i, j) in H else product
             if b in self.rates.where:
-                right[i] = graph.sub(right.get(i, self.zero), graph.mul(part, self.along(self.velocity.bias, b)))
+                right[i] = graph.sub(right.get(i, self.zero), graph.mul(weighted, self.along(self.velocity.bias, b)))
 
     def _moved(self, c: int) -> Column:
         """The row of T of a coordinate."""
         if c not in self.rates.where:
             return {self.rates.own[c]: self.one}
         element, axis = self.rates.where[c]
-        return {k: v[axis] for k, v in self.rates.place.moved(element, self.tree.home[element]).items()}
+        return {k: v[axis] for k, v in self.rates.geometry.moved(element, self.tree.home[element]).items()}
 
     # -- accelerations -------------------------------------------------------------------------
 
@@ -326,16 +326,16 @@ class Recursion:
         right = {k: forces.get(k, self.zero) for k in joints}
         for column in self.R:  # a force along the independent coordinate itself, such as a motor's, acts on its joint
             (k,) = [j for j in column if j in joints]
-            for own in (j for j in column if j not in joints and j in forces):
-                right[k] = self.graph.add(right[k], self.graph.mul(column[k], forces[own]))
-        solution = articulated.accelerations(self.rates.place, self.loads.own, right)
+            for other in (j for j in column if j not in joints and j in forces):
+                right[k] = self.graph.add(right[k], self.graph.mul(column[k], forces[other]))
+        solution = articulated.accelerations(self.rates.geometry, self.loads.inertias, right)
         return [self.graph.mul(node, solution[k]) for column in self.R for k, node in column.items() if k in joints]
 
     def power(self, zdd: Sequence[int]) -> int:
         """Power of forces without a potential and of drivers, P − νᵀλ with Jᵀ λ = f − H ẋ on the dependent rates."""
         graph = self.graph
-        own = self.lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"), self.zero)
-        power = graph.sum([own, *(graph.mul(force, rate) for force, rate in zip(self.forces, self.lines.rates, strict=False))])
+        applied = self.lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"), self.zero)
+        power = graph.sum([applied, *(graph.mul(force, rate) for force, rate in zip(self.forces, self.lines.rates, strict=False))])
         if not self.nu:
             return power
         rest = dict(self._left)

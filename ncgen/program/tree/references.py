@@ -1,9 +1,8 @@
 """The points from which levers are measured on a tree of bodies: one for all, and others where a long lever would cost digits.
 
 Inertia about a distant point is mostly that of the lever: of the link's own, which decides how its joint turns, as many digits are lost as
-the one is larger than the other. From one point to another what is known of a parent is expressed anew (`TreePlace.arriving`, `leaving`),
-which
-takes operations; so a link changes the point of its parent only where more than three digits would be lost.
+the one is larger than the other. From one point to another what is known of a parent is expressed anew (`TreeGeometry.arriving`,
+`leaving`), which takes operations; so a link changes the point of its parent only where more than three digits would be lost.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ def reference_points(tree: Tree, parameters: dict[str, Parameter]) -> list[Point
     points: list[Point] = []
     starts = _outermost(tree)
     for number, link in enumerate(tree.links):
-        given = points[link.parent] if link.parent is not None else starts[number]
-        points.append(given if _is_near(link, given, parameters) else joint_point(link))
+        candidate = points[link.parent] if link.parent is not None else starts[number]
+        points.append(candidate if _is_near(link, candidate, parameters) else joint_point(link))
     return points
 
 
@@ -60,7 +59,7 @@ def _is_near(link: TreeLink, point: Point, parameters: dict[str, Parameter]) -> 
         if screw.point is not None:
             axis = screw.axis.initial
             arm = np.cross(axis, center - screw.point.initial)
-            own = dot(axis, product(tensor, axis)) + mass * dot(arm, arm)
-            if mass * dot(lever, lever) * dot(axis, axis) > MAX_LEVER_RATIO * own:
+            least = dot(axis, product(tensor, axis)) + mass * dot(arm, arm)
+            if mass * dot(lever, lever) * dot(axis, axis) > MAX_LEVER_RATIO * least:
                 return False
     return True

@@ -23,7 +23,7 @@ from ncgen.model import Model, bodies
 from ncgen.model.arithmetic import weights
 from ncgen.program.algebra.space import TENSOR_INDICES, Vector
 from ncgen.program.tree.composite import SpatialInertia
-from ncgen.program.tree.tree_motion import TreePlace, TreeVelocity
+from ncgen.program.tree.tree_motion import TreeGeometry, TreeVelocity
 from ncgen.symbolic.inertia import standard_inertia
 from ncgen.symbolic.tree import Tree
 
@@ -54,37 +54,37 @@ def frames_of(model: Model, tree: Tree) -> list[RegressorFrame]:
 
 
 def regressor(
-    place: TreePlace, velocity: TreeVelocity, gravity: Vector, accelerations: Sequence[int], frames: Sequence[RegressorFrame]
+    geometry: TreeGeometry, velocity: TreeVelocity, gravity: Vector, accelerations: Sequence[int], frames: Sequence[RegressorFrame]
 ) -> dict[int, dict[int, int]]:
     """{rate of the tree: {column: node}}, ten columns a link.
 
     accelerations: of the tree's rates; frames: of the links
     """
-    space, columns = place.space, {}
-    units = _units(place)
-    moved = place.twists(accelerations)
+    space, columns = geometry.space, {}
+    units = _units(geometry)
+    moved = geometry.twists(accelerations)
     for number, frame in enumerate(frames):
-        axes, origin = _frame(place, number, frame)
+        axes, origin = _frame(geometry, number, frame)
         (turning, along), (change, lift) = velocity.twists[number], velocity.changes[number]
         change = space.add(change, moved[number][0])
-        arm = space.sub(origin, place.reference[number])
+        arm = space.sub(origin, geometry.reference[number])
         lift = space.sum((lift, moved[number][1], space.cross(turning, along), space.cross(change, arm)))
         lift = space.sub(space.add(lift, space.cross(turning, space.cross(turning, arm))), gravity)
-        own = [_along(place, axes, vector) for vector in (turning, lift, change)]
-        loads = [unit.load(space, *own) for unit in units]
-        for home in place.tree.chain(number):
-            lever = space.sub(origin, place.reference[home])
-            for k in place.own[home]:
-                column = place.columns[k]
-                axis, slide = (_along(place, axes, v) for v in (column.axis, space.add(column.along, space.cross(column.axis, lever))))
+        motion = [_along(geometry, axes, vector) for vector in (turning, lift, change)]
+        loads = [unit.load(space, *motion) for unit in units]
+        for home in geometry.tree.chain(number):
+            lever = space.sub(origin, geometry.reference[home])
+            for k in geometry.own[home]:
+                column = geometry.columns[k]
+                axis, slide = (_along(geometry, axes, v) for v in (column.axis, space.add(column.along, space.cross(column.axis, lever))))
                 nodes = (space.graph.add(space.dot(axis, moment), space.dot(slide, force)) for force, moment in loads)
                 columns.setdefault(k, {}).update(enumerate(nodes, len(NAMES) * number))
     return columns
 
 
-def _units(place: TreePlace) -> list[SpatialInertia]:
+def _units(geometry: TreeGeometry) -> list[SpatialInertia]:
     """The inertia that one parameter alone says, for each."""
-    zero, one = place.space.graph.const(0.0), place.space.graph.const(1.0)
+    zero, one = geometry.space.graph.const(0.0), geometry.space.graph.const(1.0)
     nothing = [zero] * 10
     inertias = []
     for k in range(len(NAMES)):
@@ -95,18 +95,18 @@ def _units(place: TreePlace) -> list[SpatialInertia]:
     return inertias
 
 
-def _frame(place: TreePlace, number: int, frame: RegressorFrame) -> tuple[list[Vector], Vector]:
+def _frame(geometry: TreeGeometry, number: int, frame: RegressorFrame) -> tuple[list[Vector], Vector]:
     """The axes of a link's frame, and its origin, from the elements that the body has."""
-    space, body = place.space, place.tree.links[number].body
+    space, body = geometry.space, geometry.tree.links[number].body
     basis = body.basis if body.inertia else bodies.choose_basis(body)
     if lengths := [e.name for e in basis[1:] if e.is_parametric]:
         raise ModelError(f"body {body.name}: {lengths[0]} depends on parameters; the regressor needs directions that are numbers")
     whole = bodies.Inertia(mass=1.0, com=tuple(basis[0].initial.tolist()), tensor=np.eye(3), basis=basis)
-    standard = standard_inertia(replace(body, inertia=whole), place.lines.equations.model.parameters)
+    standard = standard_inertia(replace(body, inertia=whole), geometry.lines.equations.model.parameters)
     forms = [
         [(weight, components, np.array([c.initial for c in components])) for weight, components in form] for form in standard.directions
     ]
-    now = [space.sum(space.times(space.graph.const(w), _nodes(place, components)) for w, components, _ in form) for form in forms]
+    now = [space.sum(space.times(space.graph.const(w), _nodes(geometry, components)) for w, components, _ in form) for form in forms]
     initial = [sum((w * values for w, _, values in form), np.zeros(3)) for form in forms]
     if standard.crossed:
         now.append(space.cross(now[1], now[2]))
@@ -116,20 +116,20 @@ def _frame(place: TreePlace, number: int, frame: RegressorFrame) -> tuple[list[V
         shares = weights(initial[1:], direction)
         scale = np.max(np.abs(shares), initial=0.0)
         return space.sum(
-            space.times(space.graph.const(float(share)), d)
-            for share, d in zip(shares, now[1:], strict=True)
-            if abs(share) > ROUNDING * scale
+            space.times(space.graph.const(float(coefficient)), d)
+            for coefficient, d in zip(shares, now[1:], strict=True)
+            if abs(coefficient) > ROUNDING * scale
         )
 
     return [direction_of(frame.rotation[:, k]) for k in range(3)], space.add(now[0], direction_of(frame.position - initial[0]))
 
 
-def _nodes(place: TreePlace, components: Sequence) -> Vector:
-    x, y, z = map(place.node, components)
+def _nodes(geometry: TreeGeometry, components: Sequence) -> Vector:
+    x, y, z = map(geometry.node, components)
     return x, y, z
 
 
-def _along(place: TreePlace, axes: Sequence[Vector], vector: Vector) -> Vector:
+def _along(geometry: TreeGeometry, axes: Sequence[Vector], vector: Vector) -> Vector:
     """A vector's components along the axes."""
-    x, y, z = (place.space.dot(axis, vector) for axis in axes)
+    x, y, z = (geometry.space.dot(axis, vector) for axis in axes)
     return x, y, z

@@ -29,17 +29,18 @@ def tables_of(tree: OpenTree) -> TreeTables:
     per_link = np.bincount(tree.home, minlength=len(links)) if tree.home else np.zeros(len(links), dtype=int)
     members = [_members(tree, link) for link in links]
     meters = {k: number for number, (k, _) in enumerate(tree.measured.values())}
-    own, products = _closing(tree)
+    closing_entries, products = _closing(tree)
+    ways = [_way(tree, row) for row in tree.closing]
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
         "n_measured": len(tree.measured), "n_rotors": len(tree.rotors),
-        "n_groups": len(tree.coupled.carriers),
+        "n_groups": len(tree.coupled.carriers), "n_closing": len(tree.closing),
         "most_rows": max(map(len, tree.closes)), "most_members": max(map(len, members)),
     }  # fmt: skip
     indices = {
         "parent": [-1 if link.parent is None else link.parent for link in tree.tree.links],
         "reference": _flat(tree.references),
-        "screw_start": _starts([len(own) for own in tree.own]),
+        "screw_start": _starts([len(rates) for rates in tree.own]),
         "turns": [int(screw.point is not None) for screw in tree.screws],
         "is_carried": [int(not screw.is_constant) for screw in tree.screws],
         "term_start": _starts([len(terms) for terms in tree.terms]),
@@ -61,8 +62,11 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "rotors": _flat([rotor[:2] for rotor in tree.rotors]),
         "row_start": _starts([len(rows) for rows in tree.closes]),
         "rows": _flat(tree.closes),
-        "own_start": _starts([len(entries) for entries in own]),
-        "own": _flat(own),
+        "closing": tree.closing,
+        "way_start": _starts([len(way) for way in ways]),
+        "way": _flat(ways),
+        "own_start": _starts([len(entries) for entries in closing_entries]),
+        "own": _flat(closing_entries),
         "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),
         "product_start": _starts([len(terms) for terms in products]),
         "products": _flat([pair for terms in products for pair in terms]),
@@ -103,13 +107,20 @@ def _place(members: Sequence[int | None], element: int) -> int:
 def _closing(tree: OpenTree) -> tuple[list[list[int]], list[list[tuple[int, int]]]]:
     """Of every row, link by link, the entries of Φ_q that belong to coordinates of its link, and of every product of two rows of a link,
     below the diagonal and on it, the pairs of entries that it consists of."""
-    own: list[list[int]] = []
+    closing_entries: list[list[int]] = []
     products: list[list[tuple[int, int]]] = []
     for link, rows in enumerate(tree.closes):
         entries = [{c: tree.pattern.indptr[r] + k for k, c in enumerate(tree.rows[r]) if tree.group[c] == link} for r in rows]
-        own += [list(each.values()) for each in entries]
+        closing_entries += [list(each.values()) for each in entries]
         products += [[(s, other[c]) for c, s in one.items() if c in other] for i, one in enumerate(entries) for other in entries[: i + 1]]
-    return own, products
+    return closing_entries, products
+
+
+def _way(tree: OpenTree, row: int) -> list[int]:
+    """The links that a closing row's coordinates move with, and those before them, the last first."""
+    screws = {k: link for link, own in enumerate(tree.own) for k in own}
+    touched = {tree.home[tree.where[c][0]] if c in tree.where else screws[tree.measured[c][0]] for c in tree.rows[row]}
+    return sorted({link for each in touched for link in tree.tree.chain(each)}, reverse=True)
 
 
 def _starts(lengths: Sequence[int]) -> list[int]:

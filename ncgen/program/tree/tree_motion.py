@@ -31,7 +31,7 @@ class TreeColumn:
     along: Vector
 
 
-class TreePlace:
+class TreeGeometry:
     """Screws and levers in a position; rates are numbered as the tree's screws, link by link."""
 
     def __init__(self, lines: Lines, tree: Tree) -> None:
@@ -144,15 +144,15 @@ class TreePlace:
         return TreeColumn(axis, self.space.cross(self.lever(screw.point, link), axis))
 
 
-def add_force(place: TreePlace, loads: Loads, element: Spatial, axis: int, node: int) -> None:
+def add_force(geometry: TreeGeometry, loads: Loads, element: Spatial, axis: int, node: int) -> None:
     """Add a force along one coordinate of an element to force and moment on its link."""
-    space, link = place.space, place.tree.home[element]
+    space, link = geometry.space, geometry.tree.home[element]
     zero = space.graph.const(0.0)
     x, y, z = (node if k == axis else zero for k in range(3))
     force, moment = loads.get(link, (space.zero, space.zero))
     if isinstance(element, Point):
         force = space.add(force, (x, y, z))
-    loads[link] = (force, space.add(moment, space.cross(place.lever(element, link), (x, y, z))))
+    loads[link] = (force, space.add(moment, space.cross(geometry.lever(element, link), (x, y, z))))
 
 
 class TreeVelocity:
@@ -162,29 +162,29 @@ class TreeVelocity:
     twists: (ω, v) of every link; changes: (ω̇, v̇) of every link without the joints' own accelerations
     """
 
-    def __init__(self, place: TreePlace, rates: Sequence[int]) -> None:
-        self.place, self.rates = place, rates
+    def __init__(self, geometry: TreeGeometry, rates: Sequence[int]) -> None:
+        self.geometry, self.rates = geometry, rates
         self.twists: list[tuple[Vector, Vector]] = []
         self.changes: list[tuple[Vector, Vector]] = []
         self.velocity: dict[Spatial, Vector] = {}
-        for number in range(len(place.tree.links)):
+        for number in range(len(geometry.tree.links)):
             self._follow(number)
-        self.bias = {element: self.bias_with(element, link) for element, link in place.tree.home.items()}
+        self.bias = {element: self.bias_with(element, link) for element, link in geometry.tree.home.items()}
 
     def _follow(self, number: int) -> None:
         """Twist of a link from that of its parent, joint by joint, and the velocities of its own elements."""
-        place, space = self.place, self.place.space
-        link = place.tree.links[number]
+        geometry, space = self.geometry, self.geometry.space
+        link = geometry.tree.links[number]
         nothing = (space.zero, space.zero)
-        turning, along = place.arriving(number, self.twists[link.parent] if link.parent is not None else nothing)
-        change, lift = place.arriving(number, self.changes[link.parent] if link.parent is not None else nothing)
+        turning, along = geometry.arriving(number, self.twists[link.parent] if link.parent is not None else nothing)
+        change, lift = geometry.arriving(number, self.changes[link.parent] if link.parent is not None else nothing)
         before, speed = turning, None
-        for screw, k in zip(link.screws, place.own[number], strict=True):
-            rate, column = self.rates[k], place.columns[k]
+        for screw, k in zip(link.screws, geometry.own[number], strict=True):
+            rate, column = self.rates[k], geometry.columns[k]
             if screw.point is None:
                 lift = space.add(lift, space.times(rate, space.cross(before, column.along))) if not screw.is_constant else lift
             else:
-                lever = place.lever(screw.point, number)
+                lever = geometry.lever(screw.point, number)
                 if speed is None:
                     speed = self.velocity.get(screw.point) or space.add(along, space.cross(turning, lever))
                     if not screw.point.fixed:
@@ -197,16 +197,16 @@ class TreeVelocity:
             along = space.add(along, space.times(rate, column.along))
         self.twists.append((turning, along))
         self.changes.append((change, lift))
-        for element, home in place.tree.home.items():
+        for element, home in geometry.tree.home.items():
             if home == number:
-                self.velocity.setdefault(element, place.carried(element, number, self.twists[number]))
+                self.velocity.setdefault(element, geometry.carried(element, number, self.twists[number]))
 
     def _axis_rate(self, screw: Screw, turning: Vector) -> Vector:
         """u̇ of an axis that turns with the parent: of its elements' velocities where they are known."""
-        place = self.place
+        geometry = self.geometry
         if all(element in self.velocity or element.fixed for element in screw.axis.elements):
-            return place.combined(screw.axis, self.velocity)
-        return place.space.cross(turning, place.combined(screw.axis))
+            return geometry.combined(screw.axis, self.velocity)
+        return geometry.space.cross(turning, geometry.combined(screw.axis))
 
     def bias_with(self, element: Spatial, link: int) -> Vector:
         """The acceleration that an element has where it moves with a link, without accelerations of the joints."""
@@ -214,16 +214,16 @@ class TreeVelocity:
 
     def accelerations(self, rates: Sequence[int]) -> dict[Spatial, Vector]:
         """{element: acceleration} where the joints' rates change like this."""
-        space = self.place.space
+        space = self.geometry.space
         whole = [
             (space.add(change, turning), space.add(lift, along))
-            for (change, lift), (turning, along) in zip(self.changes, self.place.twists(rates), strict=True)
+            for (change, lift), (turning, along) in zip(self.changes, self.geometry.twists(rates), strict=True)
         ]
-        return {element: self._acceleration(element, link, *whole[link]) for element, link in self.place.tree.home.items()}
+        return {element: self._acceleration(element, link, *whole[link]) for element, link in self.geometry.tree.home.items()}
 
     def _acceleration(self, element: Spatial, link: int, change: Vector, lift: Vector) -> Vector:
         """Of an element that moves with a link whose twist changes by (change, lift)."""
-        space, (turning, _) = self.place.space, self.twists[link]
+        space, (turning, _) = self.geometry.space, self.twists[link]
         velocity = self.velocity.get(element, space.zero)
-        turned = space.add(space.cross(change, self.place.lever(element, link)), space.cross(turning, velocity))
+        turned = space.add(space.cross(change, self.geometry.lever(element, link)), space.cross(turning, velocity))
         return space.add(lift, turned) if isinstance(element, Point) else turned

@@ -61,8 +61,8 @@ class TreePosition:
     def placed(self, element: Spatial, link: int) -> Vector:
         """An element where it moves with a link."""
         turn, shift = self._moved[link]
-        place = self._turned(turn, self.initial(element))
-        return self.space.add(place, shift) if isinstance(element, Point) else place
+        position = self._turned(turn, self.initial(element))
+        return self.space.add(position, shift) if isinstance(element, Point) else position
 
     def initial(self, element: Spatial) -> Vector:
         x, y, z = (self.lines.value(component.value) for component in element.components)
@@ -78,9 +78,9 @@ class TreePosition:
         vector: Vector = (x, y, z)
         squared, half = self._halved(vector)
         ratio = graph.div(graph.mul(half, graph.call("cos", half)), graph.call("sin", half))
-        share = graph.div(graph.sub(graph.const(1.0), ratio), squared)
+        factor = graph.div(graph.sub(graph.const(1.0), ratio), squared)
         across = space.cross(vector, turning)
-        more = space.times(share, space.cross(vector, across))
+        more = space.times(factor, space.cross(vector, across))
         return space.add(space.sub(turning, space.times(graph.const(0.5), across)), more)
 
     def _halved(self, vector: Vector) -> tuple[int, int]:
@@ -105,9 +105,9 @@ class TreePosition:
 
         point = turning[0][0].point
         assert point is not None, "a screw that turns about no point"
-        place = space.add(self._turned(turn, self.initial(point)), shift)
+        position = space.add(self._turned(turn, self.initial(point)), shift)
         a, b, c_ = (turned(column) for column in turn)
-        return (a, b, c_), space.add(place, turned(space.sub(shift, place)))
+        return (a, b, c_), space.add(position, turned(space.sub(shift, position)))
 
     def _about_axis(self, turn: Frame, shift: Vector, screw: Screw, k: int) -> tuple[Frame, Vector]:
         """1 + sin φ û× + (1 − cos φ) û× û×, about the screw's point."""

@@ -6,12 +6,13 @@
  * Integers that describe it, in the words of ncgen_dynamics:
  *   n_coordinates, n_rows, n_parameters, n_dependent, singular_mass, conservative, drives, lines, curves, jumps
  *   of ncgen_events count, most, n_actions, law; how many numbers `values` has, degree; n_events, n_holds, n_loads; how many numbers of p
- *   are the motion's own; rows of the mechanism with what is held
- *   numbers of the functions phi, phi_q, nu, gamma, mass, force, energy, switches, conditions, condition_slopes, condition_rates,
- *   action_values, held_phi, held_phi_q, held_nu, held_gamma, held_conditions, friction_forces, 0 for one that it does not have
+ *   are the motion's own; rows of the mechanism with what is held; follows_loads, n_rubbings, n_sliding
+ *   numbers of the functions phi, phi_q, nu, gamma, mass, force, energy, switches, conditions, condition_derivatives, condition_rates,
+ *   action_values, held_phi, held_phi_q, held_nu, held_gamma, held_conditions, friction_forces, contact_velocities, 0 for one that it does
+ *   not have
  *   phi_q_pattern with one row more a drive: indptr, indices; mass_pattern: indptr, indices
  *   nonzeros and arrays of the elimination, and of that with the rows of drives
- *   directions of the conditions, -1 as often as there are conditions and loads, actions, holds, places of the motion's own numbers in p
+ *   directions of the conditions, -1 as often as there are conditions and loads, actions, holds, rubbings, places of the motion's own numbers in p
  *   with holds phi_q_pattern and elimination of the mechanism with what is held
  * Numbers: interval of the breaks; column_sizes; row_sizes with those of drives; position and velocity at the start; parameters; with
  * events noise, nodes, inverse, row_sizes with what is held.

@@ -1,4 +1,4 @@
-/* ncgen_events.h: a motion that goes on from call to call through the events of a mechanism.
+/* ncgen_events.h: a motion that continues from call to call through the events of a mechanism.
  *
  * Conditions are watched by ncgen_advance, whose options name them; what happens at an instant is a table of actions.
  */

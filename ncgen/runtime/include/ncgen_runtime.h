@@ -116,6 +116,9 @@ typedef struct ncgen_tree {
     const int *product_start;      /* of such a product, one more */
     const int *products;           /* 2 of each term: entries of Phi_q */
     const ncgen_scalar *fixed;     /* values of the fixed components */
+    int n_closing;
+    const int *closing;            /* rows that do not allow all that the joints do, such as those that close loops; of no link */
+    const int *way_start, *way;    /* n_closing + 1: the links that carry a closing row's coordinates, with those before them, the last first */
 } ncgen_tree;
 
 typedef struct ncgen_dynamics {

@@ -95,7 +95,7 @@ static int worst(const ncgen_active *a, ncgen_scalar least, ncgen_scalar reserve
 {
     const ncgen_real *load = a->loads;
     ncgen_real most = least;
-    int found = -1;
+    int candidate = -1;
     for (int k = 0; k < a->count; ++k)
         for (int l = 0; a->wanted[k] && l < ncgen_loads_of(a->kinds[k]); ++l, load += 2) {
             const int joint = a->kinds[k] == NCGEN_HOLDS_JOINT, old = joint || a->before[k];
@@ -103,11 +103,11 @@ static int worst(const ncgen_active *a, ncgen_scalar least, ncgen_scalar reserve
             const ncgen_real over = needed - (load[1] > 0 ? load[0] / load[1] : 0);
             if (over > most) {
                 most = over;
-                found = k;
+                candidate = k;
                 *side = ncgen_side_of(a->kinds[k], l);
             }
         }
-    return found;
+    return candidate;
 }
 
 int ncgen_find_active(ncgen_active *a)
@@ -117,23 +117,23 @@ int ncgen_find_active(ncgen_active *a)
         reserve = a->released[k] && a->kinds[k] == NCGEN_HOLDS_CONTACT ? friction_reserve : reserve;
     want(a);
     for (int round = 0; round <= a->count; ++round) {
-        int some = 0, others = 0, found = -1, side = 0, status = NCGEN_OK;
+        int some = 0, others = 0, candidate = -1, side = 0, status = NCGEN_OK;
         for (int k = 0; k < a->count; ++k) {
             some |= a->wanted[k];
             others |= a->wanted[k] && a->kinds[k] != NCGEN_HOLDS_JOINT;
         }
         if (some && !others) { /* joints that stand still: their loads there say it without projecting */
             status = a->find_loads(a->context, 0);
-            found = status == NCGEN_OK ? worst(a, slack_before, reserve, &side) : -1;
+            candidate = status == NCGEN_OK ? worst(a, slack_before, reserve, &side) : -1;
         }
-        if (status == NCGEN_OK && found < 0) {
+        if (status == NCGEN_OK && candidate < 0) {
             status = a->find_loads(a->context, 1);
-            found = status == NCGEN_OK ? worst(a, slack, reserve, &side) : -1;
+            candidate = status == NCGEN_OK ? worst(a, slack, reserve, &side) : -1;
         }
-        if (status != NCGEN_OK || found < 0)
+        if (status != NCGEN_OK || candidate < 0)
             return status;
-        a->released[found] = side;
-        a->wanted[found] = 0;
+        a->released[candidate] = side;
+        a->wanted[candidate] = 0;
         drop_open(a);
     }
     return NCGEN_NO_MODE;

@@ -7,7 +7,7 @@ enum { MOST_ROUNDS = 1000 };
 /* A condition is zero where it is smaller than this share of its scale. */
 static const ncgen_scalar closed_below = R(1.0e-10);
 
-/* A bounce that stays lower than this many times what has no sign is none. */
+/* A bounce that stays lower than this many times what has no sign does not count. */
 static const ncgen_scalar at_rest = R(50.0);
 
 static int sign_of(ncgen_real x)

@@ -218,13 +218,10 @@ int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t)
 
 int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
 {
-    ncgen_real energies[3];
-    *power = 0;
-    if (r->dynamics->conservative)
-        return NCGEN_OK;
-    if (ncgen_energies(r, t, r->q, r->qd, energies) != NCGEN_OK)
+    if (ncgen_power(r, t, r->q, r->qd, power) != NCGEN_OK)
         return NCGEN_DOMAIN;
-    *power = energies[2] - (r->model->nu ? ncgen_dot(r->m, r->constrained->nu, r->constrained->solution + r->n) : 0);
+    if (r->model->nu)
+        *power -= ncgen_dot(r->m, r->constrained->nu, r->constrained->solution + r->n);
     return NCGEN_OK;
 }
 
@@ -271,10 +268,21 @@ void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, 
         ncgen_tree_closing(r, &w->tree, t, q, out);
 }
 
+int ncgen_follows_from_measured(const ncgen_run *r)
+{
+    const ncgen_constrained *w = r->constrained;
+    return !w->motion && ncgen_tree_is_in_closed_form(&w->tree);
+}
+
 int ncgen_recursive_basis(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen)
 {
     ncgen_constrained *w = r->constrained;
     return w->motion ? 0 : ncgen_tree_basis(r, &w->tree, t, q, basis, chosen);
+}
+
+const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen)
+{
+    return ncgen_tree_along(&r->constrained->tree, chosen);
 }
 
 /* The state derivative by the recursion; 0 where its order of elimination is a bad one. */

@@ -1,6 +1,6 @@
 /* ncgen_contact_laws.c: impulses of contacts that obey the laws of impact.
  *
- * What sticks, slides and opens is tried, or found by projections in turn where that would be too much; then impulses follow from linear
+ * What sticks, slides and opens is tried, or determined by projections in turn where that would be too much; then impulses follow from linear
  * equations, those of least energy where they are not determined.
  */
 #include "ncgen_contact_laws.h"
@@ -240,15 +240,15 @@ static int push_as_needed(ncgen_laws *l, const ncgen_real *takes, ncgen_real *im
 static int most_lacking(const ncgen_laws *l, const ncgen_real *takes, const ncgen_real *impulses)
 {
     ncgen_real most = 100 * at_rounding * largest_of(l->rows, l->right);
-    int found = -1;
+    int best = -1;
     for (int k = 0; k < l->rows; ++k) {
         const ncgen_real lacking = l->right[k] - ncgen_dot(l->rows, l->matrix + k * l->rows, impulses);
         if (!(takes[k] > 0) && !(takes[k] < 0) && lacking > most) {
             most = lacking;
-            found = k;
+            best = k;
         }
     }
-    return found;
+    return best;
 }
 
 void ncgen_push_only(ncgen_laws *l, ncgen_real *impulses)
@@ -311,10 +311,10 @@ int ncgen_push_with_friction(ncgen_laws *l, const ncgen_real *velocities, ncgen_
     for (int b = l->from; b < l->to; ++b)
         if (contact_of(l, b).poisson)
             l->least[contact_of(l, b).gap] = contact_of(l, b).restitution * first[contact_of(l, b).gap];
-    const int found = follow(l, impulses);
+    const int status = follow(l, impulses);
     for (int k = 0; k < l->rows; ++k)
         impulses[k] += first[k];
-    return found;
+    return status;
 }
 
 void ncgen_lay_out_laws(int count, int rows, const int *places, const ncgen_scalar *coefficients, const ncgen_real *G, ncgen_space *space,

@@ -72,7 +72,7 @@ static int changes_of(int degree, const ncgen_real *c, ncgen_scalar noise, int *
 
 /* Is the part of width / whole from place / whole on to be halved? Else: does the sign turn in it? The places are shares of from .. to. */
 static int is_mixed(ncgen_walk *w, int degree, const ncgen_real *b, int place, int width, ncgen_scalar noise, ncgen_scalar from,
-                    ncgen_scalar to, int *found)
+                    ncgen_scalar to, int *crossed)
 {
     ncgen_real c[MOST];
     int sign;
@@ -83,9 +83,9 @@ static int is_mixed(ncgen_walk *w, int degree, const ncgen_real *b, int place, i
     if (width > 1 && (changes > 1 || (changes == 1 && !(first && last))))
         return 1;
     if (changes == 0)
-        *found = turns(w, from + (low + (high - low) / 2) * span, sign);
+        *crossed = turns(w, from + (low + (high - low) / 2) * span, sign);
     else
-        *found = turns(w, from + low * span, first) || turns(w, from + high * span, last);
+        *crossed = turns(w, from + low * span, first) || turns(w, from + high * span, last);
     return 0;
 }
 
@@ -93,17 +93,17 @@ int ncgen_walk_part(ncgen_walk *w, const ncgen_basis *basis, const ncgen_real *v
                     ncgen_scalar to)
 {
     ncgen_real b[MOST];
-    int found = 0, place = 0, width = whole;
+    int crossed = 0, place = 0, width = whole;
     to_coefficients(basis, values, stride, b);
-    while (place < whole && !found) {
-        if (is_mixed(w, basis->degree, b, place, width, noise, from, to, &found)) {
+    while (place < whole && !crossed) {
+        if (is_mixed(w, basis->degree, b, place, width, noise, from, to, &crossed)) {
             width /= 2;
             continue;
         }
         for (place += width; width < whole && place % (2 * width) == 0;) /* the next part is as wide as its place among the halves allows */
             width *= 2;
     }
-    return found;
+    return crossed;
 }
 
 int ncgen_walk_to(ncgen_walk *w, ncgen_scalar place, ncgen_real value)
@@ -145,10 +145,10 @@ int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int
                          ncgen_scalar *low, ncgen_scalar *high)
 {
     ncgen_walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0, 0};
-    const int found = ncgen_walk_part(&w, basis, values, stride, noise, 0, 1) ||
+    const int crossed = ncgen_walk_part(&w, basis, values, stride, noise, 0, 1) ||
                       ncgen_walk_end(&w, values[(size_t)basis->degree * (size_t)stride]);
     *low = w.at;
     *high = w.next;
     *sign = w.sign;
-    return found;
+    return crossed;
 }

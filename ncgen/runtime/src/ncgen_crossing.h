@@ -23,7 +23,7 @@ typedef struct ncgen_walk {
 
 /* Walks through the part from `from` to `to`, where the function is within `noise` of the polynomial of degree basis->degree through its
  * values at the nodes, `stride` numbers from each other. Is there a change of sign, between w->at and w->next? Two of them that are nearer
- * to each other than 2^-30 of the part, or part by less than the noise, are none. */
+ * to each other than 2^-30 of the part, or separate by less than the noise, do not count. */
 int ncgen_walk_part(ncgen_walk *w, const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, ncgen_scalar from,
                     ncgen_scalar to);
 /* The same for one value. */

@@ -191,7 +191,7 @@ static void take_root(const ncgen_enclosing *with, const ncgen_enclosure *u, ncg
 static void wave(const ncgen_enclosing *with, const ncgen_enclosure *u, int is_cosine, ncgen_enclosure *w)
 {
     const int n = with->degree;
-    ncgen_scalar a[MOST] = {0}, b[MOST] = {0}, cosine[MOST], slope[MOST], own[MOST], d[TWICE], e[TWICE];
+    ncgen_scalar a[MOST] = {0}, b[MOST] = {0}, cosine[MOST], derivative[MOST], own[MOST], d[TWICE], e[TWICE];
     ncgen_enclosure_values(with, u->c, a);
     for (int k = 0; k <= n; ++k) {
         b[k] = NCGEN_COS(a[k]);
@@ -199,13 +199,13 @@ static void wave(const ncgen_enclosing *with, const ncgen_enclosure *u, int is_c
     }
     ncgen_enclosure_through(with, a, w->c);
     ncgen_enclosure_through(with, b, cosine);
-    differentiate(n, u->c, slope);
+    differentiate(n, u->c, derivative);
     differentiate(n, w->c, own);
     widened(n, own, d);
-    add_product(n, -1, cosine, slope, d);
+    add_product(n, -1, cosine, derivative, d);
     differentiate(n, cosine, own);
     widened(n, own, e);
-    add_product(n, 1, w->c, slope, e);
+    add_product(n, 1, w->c, derivative, e);
     const ncgen_scalar left = total(d, 0, 2 * n) + total(e, 0, 2 * n);
     for (int k = 0; k <= n && is_cosine; ++k)
         w->c[k] = cosine[k];
@@ -217,15 +217,15 @@ static void wave(const ncgen_enclosing *with, const ncgen_enclosure *u, int is_c
 static void exponential(const ncgen_enclosing *with, const ncgen_enclosure *u, ncgen_enclosure *w)
 {
     const int n = with->degree;
-    ncgen_scalar a[MOST], slope[MOST], own[MOST], d[TWICE];
+    ncgen_scalar a[MOST], derivative[MOST], own[MOST], d[TWICE];
     ncgen_enclosure_values(with, u->c, a);
     for (int k = 0; k <= n; ++k)
         a[k] = NCGEN_EXP(a[k]);
     ncgen_enclosure_through(with, a, w->c);
-    differentiate(n, u->c, slope);
+    differentiate(n, u->c, derivative);
     differentiate(n, w->c, own);
     widened(n, own, d);
-    add_product(n, -1, w->c, slope, d);
+    add_product(n, -1, w->c, derivative, d);
     const ncgen_scalar wide = radius(with, u), most = NCGEN_EXP(u->c[0] + wide);
     w->error = total(d, 0, 2 * n) * NCGEN_EXP(2 * wide) + most * (u->error + with->rounding * (1 + total(u->c, 0, n)));
 }
@@ -234,14 +234,14 @@ static void logarithm(const ncgen_enclosing *with, const ncgen_enclosure *u, ncg
 {
     const int n = with->degree;
     const ncgen_scalar low = least(with, u);
-    ncgen_scalar a[MOST], slope[MOST], own[MOST], d[TWICE];
+    ncgen_scalar a[MOST], derivative[MOST], own[MOST], d[TWICE];
     ncgen_enclosure_values(with, u->c, a);
     for (int k = 0; k <= n; ++k)
         a[k] = NCGEN_LOG(a[k]);
     ncgen_enclosure_through(with, a, w->c);
-    differentiate(n, u->c, slope);
+    differentiate(n, u->c, derivative);
     differentiate(n, w->c, own);
-    widened(n, slope, d);
+    widened(n, derivative, d);
     add_product(n, -1, u->c, own, d);
     const ncgen_scalar size = total(w->c, 0, n);
     w->error = (total(d, 0, 2 * n) + u->error + with->rounding * total(u->c, 0, n) * (1 + size)) / low + with->rounding * size;
@@ -254,7 +254,7 @@ static void angle(const ncgen_enclosing *with, const ncgen_enclosure *u, const n
 {
     const int n = with->degree;
     const ncgen_scalar pi = R(3.14159265358979323846), low_u = least(with, u), low_v = least(with, v);
-    ncgen_scalar a[MOST], b[MOST], own[MOST], slope[MOST], d[TWICE];
+    ncgen_scalar a[MOST], b[MOST], own[MOST], derivative[MOST], d[TWICE];
     ncgen_enclosure square, other;
     multiply(with, u, u, &square);
     multiply(with, v, v, &other);
@@ -274,10 +274,10 @@ static void angle(const ncgen_enclosing *with, const ncgen_enclosure *u, const n
     for (int k = 0; k <= 2 * n; ++k)
         d[k] = 0;
     add_product(n, -1, square.c, own, d);
-    differentiate(n, u->c, slope);
-    add_product(n, 1, v->c, slope, d);
-    differentiate(n, v->c, slope);
-    add_product(n, -1, u->c, slope, d);
+    differentiate(n, u->c, derivative);
+    add_product(n, 1, v->c, derivative, d);
+    differentiate(n, v->c, derivative);
+    add_product(n, -1, u->c, derivative, d);
     const ncgen_scalar left = total(d, 0, 2 * n) + square.error * total(own, 0, n);
     w->error = left / low + (u->error + v->error) / NCGEN_SQRT(low) + with->rounding * total(w->c, 0, n);
     if (!(w->error < pi))
@@ -325,7 +325,7 @@ typedef struct table {
 } table;
 
 /* Widen low .. high to what the pieces are on the part from `from` to `to` of the table. */
-static void widen(const ncgen_enclosing *with, const table *f, ncgen_scalar from, ncgen_scalar to, int *found, ncgen_scalar *low,
+static void widen(const ncgen_enclosing *with, const table *f, ncgen_scalar from, ncgen_scalar to, int *is_set, ncgen_scalar *low,
                   ncgen_scalar *high)
 {
     for (int k = f->period > 0 ? 1 : 0; k < f->count + !(f->period > 0); ++k) {
@@ -337,9 +337,9 @@ static void widen(const ncgen_enclosing *with, const table *f, ncgen_scalar from
         between(with, first, last, &part);
         along_row(with, &part, f->rows + (size_t)k * (size_t)(f->degree + 2), f->degree, &here);
         const ncgen_scalar off = radius(with, &here);
-        *low = !*found || here.c[0] - off < *low ? here.c[0] - off : *low;
-        *high = !*found || here.c[0] + off > *high ? here.c[0] + off : *high;
-        *found = 1;
+        *low = !*is_set || here.c[0] - off < *low ? here.c[0] - off : *low;
+        *high = !*is_set || here.c[0] + off > *high ? here.c[0] + off : *high;
+        *is_set = 1;
     }
 }
 
@@ -351,7 +351,7 @@ static void lookup(const ncgen_enclosing *with, const ncgen_enclosure *u, const 
     const ncgen_scalar wide = radius(with, u), slack = with->rounding * (NCGEN_ABS(u->c[0]) + wide);
     ncgen_enclosure x = *u;
     ncgen_scalar low = 0, high = 0;
-    int found = 0;
+    int is_set = 0;
     if (f.period > 0)
         x.c[0] -= f.period * NCGEN_FLOOR((x.c[0] - f.knots[0]) / f.period);
     const ncgen_scalar from = x.c[0] - wide, to = x.c[0] + wide;
@@ -365,7 +365,7 @@ static void lookup(const ncgen_enclosing *with, const ncgen_enclosure *u, const 
         return;
     }
     for (int turn = f.period > 0 ? -1 : 0; turn <= (f.period > 0 ? 1 : 0); ++turn)
-        widen(with, &f, from + (ncgen_scalar)turn * f.period, to + (ncgen_scalar)turn * f.period, &found, &low, &high);
+        widen(with, &f, from + (ncgen_scalar)turn * f.period, to + (ncgen_scalar)turn * f.period, &is_set, &low, &high);
     between(with, low, high, w);
 }
 

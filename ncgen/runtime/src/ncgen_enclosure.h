@@ -35,7 +35,7 @@ ncgen_scalar ncgen_enclosure_at(int degree, const ncgen_scalar *c, ncgen_scalar 
 ncgen_scalar ncgen_enclosure_size(const ncgen_enclosing *with, const ncgen_enclosure *u);
 
 void ncgen_enclose_number(const ncgen_enclosing *with, ncgen_scalar x, ncgen_enclosure *w);
-/* w = an operation of NCGEN_FORMULA_... on u, and v where it takes two; pieces: of a lookup. w is none of the others. */
+/* w = an operation of NCGEN_FORMULA_... on u, and v where it takes two; pieces: of a lookup. w differs from the others. */
 void ncgen_enclose(const ncgen_enclosing *with, int operation, const ncgen_enclosure *u, const ncgen_enclosure *v,
                    const ncgen_scalar *pieces, ncgen_enclosure *w);
 

@@ -139,7 +139,7 @@ static int end_midpoint(ncgen_run *r, ncgen_stepping *w, const ncgen_correction 
 }
 
 /* The midpoint rule with the discrete gradient: T + V - W is kept to rounding for any masses, forces and constraints. */
-int ncgen_energy_momentum_corrected(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+int ncgen_energy_momentum_with_tangents(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
 {
     const int n = r->n;
     const ncgen_real *velocity = r->y, *position = r->y + n;

@@ -2,7 +2,7 @@
 #include "ncgen_event_log.h"
 #include "ncgen_vectors.h"
 
-enum { OWNER, EVENT, WHAT, FOUND, TIME, IMPULSE, LOST, LIMIT, STATE };
+enum { OWNER, EVENT, WHAT, CAUSE, TIME, IMPULSE, LOST, LIMIT, STATE };
 
 void ncgen_begin_notes(ncgen_log *log, int count, const int *due)
 {
@@ -29,9 +29,9 @@ void ncgen_note(ncgen_log *log, int n, const ncgen_moment *moment, int event, in
     row[OWNER] = log->owner;
     row[EVENT] = event;
     row[WHAT] = what;
-    row[FOUND] = log->due[event] && !log->follows ? log->found : what == NCGEN_LEAVES ? NCGEN_BY_LOAD : NCGEN_FOLLOWS;
-    if (log->due[event] && !log->follows && log->found == NCGEN_WATCHED && log->sampled && log->sampled[event])
-        row[FOUND] = NCGEN_BY_LOAD;
+    row[CAUSE] = log->due[event] && !log->follows ? log->cause : what == NCGEN_LEAVES ? NCGEN_BY_LOAD : NCGEN_FOLLOWS;
+    if (log->due[event] && !log->follows && log->cause == NCGEN_WATCHED && log->sampled && log->sampled[event])
+        row[CAUSE] = NCGEN_BY_LOAD;
     row[TIME] = moment->t;
     row[IMPULSE] = impulse;
     row[LOST] = lost;

@@ -27,7 +27,7 @@ typedef struct ncgen_kept {
     int row, notes, mode, stopped;
 } ncgen_kept;
 
-static size_t apart(const ncgen_event_runs *runs)
+static size_t rows_size(const ncgen_event_runs *runs)
 {
     return (size_t)runs->n_times * (size_t)runs->driven.model->n_coordinates;
 }
@@ -78,6 +78,25 @@ static int is_full(const ncgen_event_runs *runs)
     return runs->passage.log->count > runs->passage.log->room;
 }
 
+/* The breaks of the present motion. */
+static void take_breaks(ncgen_event_runs *runs)
+{
+    if (!runs->signals)
+        return;
+    runs->signals->breaks = runs->breaks + runs->first_break[runs->at];
+    runs->signals->n_breaks = runs->first_break[runs->at + 1] - runs->first_break[runs->at];
+}
+
+/* The inputs at the present instant, behind a jump there. */
+static int read_inputs(ncgen_event_runs *runs)
+{
+    const ncgen_model *model = runs->driven.model;
+    const ncgen_scalar t = runs->moment.t;
+    if (!runs->signals || !runs->signals->inputs || model->n_inputs == 0)
+        return NCGEN_OK;
+    return runs->signals->inputs(runs->signals->context, t, t, runs->own_p + model->n_parameters - model->n_inputs);
+}
+
 /* The present motion at its start, with the events there. */
 static int begin(ncgen_event_runs *runs)
 {
@@ -92,19 +111,23 @@ static int begin(ncgen_event_runs *runs)
     runs->row = 0;
     runs->steps[runs->at] = 0;
     runs->passage.log->owner = (int)runs->at;
-    runs->passage.log->found = NCGEN_AT_START;
+    runs->passage.log->cause = NCGEN_AT_START;
+    runs->passage.log->follows = 0;
     for (int k = 0; runs->passage.log->sampled && k < runs->events->count; ++k)
         runs->passage.log->sampled[k] = 0;
     for (int k = 0; k < runs->events->count; ++k)
         runs->passage.signs[k] = runs->passage.happened[k] = runs->passage.due[k] = 0;
-    int status = ncgen_evaluate_moment(&runs->driven, runs->own_p, moment);
+    take_breaks(runs);
+    int status = read_inputs(runs);
+    if (status == NCGEN_OK)
+        status = ncgen_evaluate_moment(&runs->driven, runs->own_p, moment);
     if (status == NCGEN_OK)
         status = ncgen_begin_events(&runs->driven, runs->events, runs->own_p, moment, &runs->passage);
     if (status == NCGEN_OK && is_full(runs))
         status = NCGEN_LOG_FULL;
     if (status != NCGEN_OK)
         runs->passage.log->count = notes;
-    runs->passage.log->found = NCGEN_WATCHED;
+    runs->passage.log->cause = NCGEN_WATCHED;
     return status;
 }
 
@@ -112,7 +135,7 @@ static int begin(ncgen_event_runs *runs)
 static void take_rows(ncgen_event_runs *runs, int first, int rows)
 {
     const int n = runs->driven.model->n_coordinates;
-    const size_t start = (size_t)runs->at * apart(runs);
+    const size_t start = (size_t)runs->at * rows_size(runs);
     for (int k = first; k < rows; ++k, ++runs->row) {
         const size_t from = (size_t)k * (size_t)n, to = start + (size_t)runs->row * (size_t)n;
         ncgen_copy(n, runs->part_q + from, runs->out_q + to);
@@ -155,6 +178,24 @@ static int has_changed(const ncgen_event_runs *runs, int mode)
     return changed;
 }
 
+/* The events at the end of a part. Where that was so near to the end that its last row was written, too, the motion ends there. */
+static int happen(ncgen_event_runs *runs, const ncgen_event *watched)
+{
+    ncgen_passage *passage = &runs->passage;
+    int status = read_inputs(runs);
+    if (status == NCGEN_OK && runs->events->n_holds)
+        status = ncgen_mark_crossed_loads(runs->events, watched->count, watched->crossed, passage);
+    else if (status == NCGEN_OK)
+        ncgen_mark_crossed(runs->events, watched->count, watched->crossed, passage);
+    if (status == NCGEN_OK)
+        status = ncgen_apply_events(&runs->driven, runs->events, runs->own_p, &runs->moment, passage);
+    if (status == NCGEN_OK && runs->row == runs->n_times && !*passage->stopped) {
+        runs->row -= 1;
+        runs->moment.t = runs->times[runs->n_times - 1];
+    }
+    return status;
+}
+
 /* A part with the events at its end; where that fails all is as it was. */
 static int advance(ncgen_event_runs *runs)
 {
@@ -167,14 +208,8 @@ static int advance(ncgen_event_runs *runs)
     in.options.first_step = runs->moment.h;
     if (status == NCGEN_OK)
         status = run(runs, &in, &statistics);
-    if (status == NCGEN_OK && statistics.stopped) {
-        if (runs->events->n_holds)
-            status = ncgen_mark_crossed_loads(runs->events, in.watched.count, in.watched.crossed, passage);
-        else
-            ncgen_mark_crossed(runs->events, in.watched.count, in.watched.crossed, passage);
-        if (status == NCGEN_OK)
-            status = ncgen_apply_events(&runs->driven, runs->events, runs->own_p, &runs->moment, passage);
-    }
+    if (status == NCGEN_OK && statistics.stopped)
+        status = happen(runs, &in.watched);
     if (status == NCGEN_OK && is_full(runs))
         status = NCGEN_LOG_FULL;
     if (status == NCGEN_OK && statistics.stopped && has_changed(runs, mode))
@@ -190,7 +225,7 @@ static void finish(ncgen_event_runs *runs)
     while (runs->row > 0 && *runs->passage.stopped && runs->times[runs->row - 1] >= moment->t)
         --runs->row;
     for (; runs->row < runs->n_times && !(runs->times[runs->row] > moment->t); ++runs->row) {
-        const size_t to = (size_t)runs->at * apart(runs) + (size_t)runs->row * (size_t)n;
+        const size_t to = (size_t)runs->at * rows_size(runs) + (size_t)runs->row * (size_t)n;
         ncgen_copy(n, moment->q, runs->out_q + to);
         ncgen_copy(n, moment->qd, runs->out_qd + to);
         runs->out_work[runs->at * runs->n_times + runs->row] = moment->work;
@@ -201,10 +236,15 @@ static void finish(ncgen_event_runs *runs)
 
 static int complete(ncgen_event_runs *runs)
 {
-    int status = runs->begun ? NCGEN_OK : begin(runs);
+    int status = runs->begun ? NCGEN_OK : begin(runs), repeated = 0;
     runs->begun = status == NCGEN_OK;
-    while (status == NCGEN_OK && !*runs->passage.stopped && runs->moment.t < runs->times[runs->n_times - 1])
+    while (status == NCGEN_OK && !*runs->passage.stopped && runs->moment.t < runs->times[runs->n_times - 1]) {
+        const ncgen_scalar before = runs->moment.t;
         status = advance(runs);
+        repeated = runs->moment.t > before ? 0 : repeated + 1;
+        if (status == NCGEN_OK && repeated > NCGEN_MOST_REPEATED)
+            status = NCGEN_ENDLESS;
+    }
     if (status == NCGEN_OK)
         finish(runs);
     return status;

@@ -19,6 +19,9 @@ typedef struct ncgen_event_runs {
     long at, count;             /* number of the present motion, and where to end */
     const ncgen_real *q, *qd, *p; /* of each motion where it begins, and its parameters */
     ncgen_real *out_q, *out_qd, *out_work; /* of each motion n_times rows; those behind its end stay as they are */
+    ncgen_signals *signals;     /* NULL, or those of the options, which each motion has with its own breaks: */
+    const int *first_break;     /* the number of its first one, and behind the last motion how many there are */
+    const ncgen_scalar *breaks; /* of all motions (s) */
     int *rows;                  /* of each: how many there are */
     long *steps;
     ncgen_scalar *ended;        /* of each: the time that it reached (s) */

@@ -5,6 +5,7 @@
 #include "ncgen_chain.h"
 #include "ncgen_holding.h"
 #include "ncgen_modes.h"
+#include "ncgen_rubbing.h"
 
 static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
@@ -20,7 +21,7 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->values = ncgen_take(&space, 2 * count);
     i->before = ncgen_take(&space, 2 * count);
     i->scales = ncgen_take(&space, count);
-    i->slopes = ncgen_take(&space, count * (2 * n + 1));
+    i->derivatives = ncgen_take(&space, count * (2 * n + 1));
     i->responses = ncgen_take(&space, events->most * (n + 1));
     i->G = ncgen_take(&space, count * count);
     i->velocities = ncgen_take(&space, count);
@@ -32,10 +33,12 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->taking = passage->due + count;
     i->places = passage->due + 4 * count;
     i->sticks = passage->due + 7 * count;
+    i->rows = passage->due + 8 * count;
     i->kept = ncgen_take(&space, n);
     i->prior = ncgen_take(&space, n);
     i->arrived = ncgen_take(&space, n);
     ncgen_copy(n, moment->qd, i->arrived);
+    i->sliding = ncgen_take(&space, events->n_sliding * (n + 1));
     i->numbers = ncgen_take(&space, 0); /* the rest */
 }
 
@@ -51,16 +54,18 @@ int ncgen_look(ncgen_instant *i)
     const ncgen_moment *m = i->moment;
     int status = i->events->conditions(m->t, m->q, m->qd, i->p, i->values);
     if (status == NCGEN_OK)
-        status = i->events->slopes(m->t, m->q, m->qd, i->p, i->slopes);
+        status = i->events->derivatives(m->t, m->q, m->qd, i->p, i->derivatives);
+    if (status == NCGEN_OK && i->events->n_sliding)
+        status = i->events->sliding(m->t, m->q, m->qd, i->p, i->sliding);
     for (int k = 0; k < i->count; ++k) {
         i->scales[k] = i->values[2 * k + 1];
         for (int j = 0; j < i->n; ++j)
-            i->scales[k] += NCGEN_ABS(i->slopes[(size_t)k * (size_t)(2 * i->n + 1) + (size_t)j]) * i->d->dynamics->column_sizes[j];
+            i->scales[k] += NCGEN_ABS(i->derivatives[(size_t)k * (size_t)(2 * i->n + 1) + (size_t)j]) * i->d->dynamics->column_sizes[j];
     }
     for (int k = n_events(i); k < i->count; ++k) {
-        ncgen_real *slopes = i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
-        ncgen_copy(i->n, slopes + i->n, slopes);
-        slopes[2 * i->n] = 0;
+        ncgen_real *derivatives = i->derivatives + (size_t)k * (size_t)(2 * i->n + 1);
+        ncgen_copy(i->n, derivatives + i->n, derivatives);
+        derivatives[2 * i->n] = 0;
     }
     return status;
 }
@@ -85,6 +90,19 @@ static ncgen_real energy(const ncgen_instant *i)
     return out[0] + out[1];
 }
 
+/* A lock that is closed where a motion begins. */
+static int begin_locked(ncgen_instant *i, int hold)
+{
+    const ncgen_real before = energy(i);
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    const int status = ncgen_lock(i, hold);
+    const ncgen_real lost = before - energy(i);
+    i->moment->work -= lost;
+    if (status == NCGEN_OK)
+        ncgen_note(i->passage->log, i->n, i->moment, i->count + hold, NCGEN_RESTS, i->prior, 0, lost);
+    return status;
+}
+
 /* Locks that an event closes or opens. */
 static int act_on_locks(ncgen_instant *i, int event)
 {
@@ -92,7 +110,7 @@ static int act_on_locks(ncgen_instant *i, int event)
     int status = NCGEN_OK;
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         if (e->actions[k].event == event && e->actions[k].kind == NCGEN_LOCK)
-            status = ncgen_lock(i, e->actions[k].place);
+            status = (event < 0 ? begin_locked : ncgen_lock)(i, e->actions[k].place);
         if (e->actions[k].event == event && e->actions[k].kind == NCGEN_FREE)
             i->p[e->holds[e->actions[k].place].on] = 0;
     }
@@ -104,10 +122,11 @@ static int act(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
     const ncgen_real before = i->passage->log ? energy(i) : 0;
-    int status = act_on_locks(i, event), others = 0;
+    int status, others = 0;
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    status = act_on_locks(i, event);
     if (status == NCGEN_OK)
         status = find_numbers(i);
-    ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         const ncgen_action *a = e->actions + k;
         if (a->event != event || a->kind == NCGEN_IMPACT)
@@ -162,11 +181,11 @@ static int find_loads(void *context, int projected)
     return ncgen_try_mode(i->d, i->events, i->p, i->moment, i->passage);
 }
 
-/* The gaps that are held from here on. resting (count): those whose bounces end */
-static int choose_mode(ncgen_instant *i, const int *happened, const int *resting)
+/* The gaps that are held from here on. resting (count): those whose bounces end; here those that nothing has hit are added */
+static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
 {
     ncgen_passage *passage = i->passage;
-    const int count = i->count, n = i->n;
+    const int count = i->count, n = i->n, hit = ncgen_was_hit(i);
     int *kinds = i->taking, *needs = i->places, *before = needs + count, *closed = before + count, *still = i->sticks;
     int *wanted = passage->wanted, *released = wanted + count;
     for (int k = 0; k < count; ++k) {
@@ -174,6 +193,7 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
         kinds[k] = impact && !impact->place ? NCGEN_HOLDS_GAP : NCGEN_HOLDS_LOCK;
         needs[k] = -1;
         before[k] = ncgen_holds(i->events, passage, k);
+        resting[k] |= before[k] && !hit;
         closed[k] = ncgen_is_closed(i, k);
         still[k] = is_still(i, k);
     }
@@ -195,13 +215,10 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
 /* The same of what may be held in the mechanism with switches. */
 static int choose_held(ncgen_instant *i, const int *happened, const int *resting)
 {
-    int was_hit = 0;
-    for (int j = 0; j < i->n; ++j)
-        was_hit |= i->moment->qd[j] < i->arrived[j] || i->moment->qd[j] > i->arrived[j];
-    const int status = ncgen_choose_held(i, happened, resting, was_hit);
+    const int status = ncgen_choose_held(i, happened, resting, ncgen_was_hit(i));
     for (int k = n_events(i); k < i->count; ++k) {
         const int way = ncgen_way(i->events, i->p, k);
-        i->passage->signs[k] = way == NCGEN_UNWATCHED ? 0 : -way;
+        i->passage->signs[k] = way == NCGEN_UNWATCHED || ncgen_slides_in_space(i->events, k) ? 0 : -way;
     }
     return status == NCGEN_OK ? accelerate(i) : status;
 }
@@ -282,9 +299,9 @@ static int happen(ncgen_instant *i)
     ncgen_begin_notes(i->passage->log, i->count, chain.due);
     for (int k = n_events(i); k < i->count; ++k)
         chain.happened[k] = chain.due[k];
-    ncgen_read_held(i->events, i->p, i->passage->flags);
-    ncgen_write_held(i->events, NULL, 0, i->p); /* impulses act on the mechanism with its locks alone */
-    int status = ncgen_follow_chain(&chain);
+    int status = ncgen_begin_instant(i);
+    if (status == NCGEN_OK)
+        status = ncgen_follow_chain(&chain);
     if (status == NCGEN_OK)
         status = ncgen_catch(i, chain.happened);
     if (status == NCGEN_OK)
@@ -353,11 +370,17 @@ int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const n
 {
     ncgen_moment here = *moment;
     ncgen_instant i;
-    int some = 0;
+    ncgen_entered in;
+    int some = 0, status;
     begin(&i, d, events, (ncgen_real *)p, &here, passage);
-    const int status = ncgen_look(&i), last = nearly ? i.count : n_events(&i);
+    status = ncgen_look(&i);
+    const int watches = nearly && events->n_holds, last = nearly ? i.count : n_events(&i);
+    if (watches)
+        ncgen_enter_held(d, events, p, passage, &in);
+    if (watches && status == NCGEN_OK)
+        status = ncgen_skip_blocked(&i, &in);
     for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
-        const int way = ncgen_way(events, p, k), clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
+        const int way = watches ? passage->directions[k] : ncgen_way(events, p, k), clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
         const int side = sign_of(i.values[2 * k]), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
         const int now = nearly || clear ? exactly : before;
         passage->due[k] = 0;
@@ -404,11 +427,13 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
+    int repeated = 0;
     if (*passage->stopped)
         return NCGEN_STOPPED;
     const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
+        const ncgen_scalar from = moment->t;
         ncgen_entered in;
         status = ncgen_enter_present(d, events, p, moment, passage, &in);
         const ncgen_driven *mode = &in.driven;
@@ -423,6 +448,9 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
             ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         if (status == NCGEN_OK)
             status = ncgen_apply_events(d, events, p, moment, passage);
+        repeated = moment->t > from ? 0 : repeated + 1;
+        if (status == NCGEN_OK && repeated > NCGEN_MOST_REPEATED)
+            status = NCGEN_ENDLESS;
     }
     return status;
 }

@@ -26,6 +26,9 @@ static int *released_of(const ncgen_events *events, const ncgen_passage *passage
 
 int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition)
 {
+    for (int k = 0; k < events->n_rubbings; ++k)
+        if (events->rubbings[k].condition == condition || events->rubbings[k].turn == condition)
+            return ncgen_slides(events, p, events->rubbings + k) ? -1 : NCGEN_UNWATCHED;
     for (int h = 0; h < events->n_holds; ++h) {
         const ncgen_hold *hold = events->holds + h;
         if (hold->condition != condition)
@@ -50,7 +53,7 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
         some |= p[events->holds[h].on] > 0;
     if (some) {
         in->dynamics = *events->held_dynamics;
-        if (!events->follows_loads)
+        if (!events->rubs)
             in->dynamics.external = d->dynamics->external;
         in->dynamics.conservative = d->dynamics->conservative && events->held_dynamics->conservative;
         in->driven.model = events->held_model;
@@ -64,21 +67,20 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
     in->watched.directions = passage->directions;
     for (int k = 0; k < events->count; ++k)
         passage->directions[k] = ncgen_way(events, p, k);
-    for (int h = 0; h < events->n_holds; ++h)
-        for (int l = 0; l < ncgen_loads_of(events->holds[h].kind); ++l) {
-            const int k = events->count + events->holds[h].load + l;
-            passage->directions[k] = p[events->holds[h].on] > 0 ? -1 : NCGEN_UNWATCHED;
-            passage->signs[k] = 1;
-        }
-    if (events->follows_loads) {
-        passage->directions[events->count + events->n_loads - 1] = -1;
-        passage->signs[events->count + events->n_loads - 1] = 1;
+    for (int k = events->count; k < events->count + events->n_loads; ++k) {
+        passage->directions[k] = NCGEN_UNWATCHED;
+        passage->signs[k] = 1;
     }
+    for (int h = 0; h < events->n_holds; ++h)
+        for (int l = 0; l < ncgen_loads_of(events->holds[h].kind); ++l)
+            passage->directions[events->count + events->holds[h].load + l] = p[events->holds[h].on] > 0 ? -1 : NCGEN_UNWATCHED;
+    if (events->rubs)
+        passage->directions[events->count + events->n_loads - 1] = -1;
 }
 
 int ncgen_is_determined(const ncgen_events *events, const ncgen_real *pairs)
 {
-    return !events->follows_loads || pairs[2 * (events->count + events->n_loads - 1)] > determined;
+    return !events->rubs || pairs[2 * (events->count + events->n_loads - 1)] > determined;
 }
 
 int ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
@@ -93,7 +95,7 @@ int ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *c
                 released[h] = ncgen_side_of(events->holds[h].kind, l);
     }
     const int last = events->count + events->n_loads - 1;
-    return events->follows_loads && last < count && crossed[last] ? NCGEN_UNDETERMINED : NCGEN_OK;
+    return events->rubs && last < count && crossed[last] ? NCGEN_UNDETERMINED : NCGEN_OK;
 }
 
 int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage)

@@ -12,6 +12,23 @@ static inline int ncgen_is_lock(const ncgen_hold *hold)
     return hold->kind == NCGEN_HOLDS_LOCK;
 }
 
+static inline int ncgen_is_gap(const ncgen_hold *hold)
+{
+    return hold->kind == NCGEN_HOLDS_GAP || hold->kind == NCGEN_HOLDS_RUBBING_GAP;
+}
+
+/* Does p say that a contact touches, and does not stick? */
+static inline int ncgen_slides(const ncgen_events *events, const ncgen_real *p, const ncgen_rubbing *rubbing)
+{
+    return rubbing->gap >= 0 && p[events->holds[rubbing->gap].on] > 0 && !(p[events->holds[rubbing->stick].on] > 0);
+}
+
+/* Of all that may be held: 1 for contacts that impacts of this instant leave sticking. */
+static inline int *ncgen_stuck(const ncgen_events *events, const ncgen_passage *passage)
+{
+    return passage->flags + 9 * events->n_holds;
+}
+
 /* The mechanism with what p says is held; passage: NULL, or where its directions and signs stand. */
 void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_passage *passage, ncgen_entered *in);
 

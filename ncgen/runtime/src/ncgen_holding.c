@@ -1,6 +1,7 @@
 /* ncgen_holding.c: what is held from an instant on, in the mechanism with switches. */
 #include "ncgen_holding.h"
 #include "ncgen_active.h"
+#include "ncgen_rubbing.h"
 #include "ncgen_state.h"
 
 /* Of velocities that miss the constraints after a lock has closed. */
@@ -31,15 +32,17 @@ static ncgen_real speed_of(const ncgen_instant *i, const ncgen_real *qd)
     return ncgen_largest(i->n, qd, i->d->dynamics->column_sizes);
 }
 
-/* Does a gap not change, or a joint or ratchet not move, but for rounding? */
+/* Does a gap not change, or a joint, contact or ratchet not move, but for rounding? */
 static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
 {
     const ncgen_scalar *sizes = i->d->dynamics->column_sizes;
-    const ncgen_real now = speed_of(i, i->moment->qd), before = speed_of(i, i->arrived), *w = ncgen_gradient(i, hold->condition);
-    const ncgen_real drift = hold->kind == NCGEN_HOLDS_GAP ? w[2 * i->n] : 0;
+    const ncgen_real now = speed_of(i, i->moment->qd), before = speed_of(i, i->arrived), speed = now > before ? now : before;
+    if (hold->kind == NCGEN_HOLDS_CONTACT)
+        return ncgen_contact_is_still(i, ncgen_rubbing_of(i->events, (int)(hold - i->events->holds)), speed);
+    const ncgen_real *w = ncgen_gradient(i, hold->condition), drift = ncgen_is_gap(hold) ? w[2 * i->n] : 0;
     ncgen_real terms = 0;
     for (int j = 0; j < i->n; ++j)
-        terms += NCGEN_ABS(w[j]) * sizes[j] * (now > before ? now : before);
+        terms += NCGEN_ABS(w[j]) * sizes[j] * speed;
     return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
 }
 
@@ -51,15 +54,34 @@ int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
         return NCGEN_OK;
     for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
         const ncgen_hold *hold = e->holds + h;
-        if (ncgen_is_lock(hold) || i->p[hold->on] > 0 || !is_still(i, hold))
+        const int is_driven = in->driven.model->nu || ncgen_is_gap(hold); /* else what cannot move is still but for rounding */
+        if (ncgen_is_lock(hold) || hold->kind == NCGEN_HOLDS_CONTACT || i->p[hold->on] > 0 || (is_driven && !is_still(i, hold)))
             continue;
-        if (hold->kind == NCGEN_HOLDS_GAP && !ncgen_is_closed(i, hold->condition))
+        if (ncgen_is_gap(hold) && !ncgen_is_closed(i, hold->condition))
             continue;
         int can = 1;
         status = ncgen_can_move(i, hold->condition, &can);
         if (!can)
             i->passage->directions[hold->condition] = NCGEN_UNWATCHED;
     }
+    return status == NCGEN_OK ? ncgen_skip_prevented(i) : status;
+}
+
+int ncgen_begin_instant(ncgen_instant *i)
+{
+    const ncgen_events *e = i->events;
+    const int *released = released_of(e, i->passage);
+    int some = 0, status = NCGEN_OK;
+    ncgen_read_held(e, i->p, i->passage->flags);
+    for (int h = 0; h < e->n_holds; ++h) {
+        ncgen_stuck(e, i->passage)[h] = 0;
+        some |= released[h] && e->holds[h].kind == NCGEN_HOLDS_CONTACT;
+    }
+    if (some) {
+        status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, i->passage->room);
+        ncgen_keep_ways(i, released, i->passage->room);
+    }
+    ncgen_write_held(e, NULL, 0, i->p);
     return status;
 }
 
@@ -79,8 +101,8 @@ static int find_places(ncgen_instant *i)
     return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
 }
 
-/* Velocities that miss the constraints of a mechanism, over those of the mechanism in natural sizes. */
-static int misses(ncgen_instant *i, const ncgen_driven *d, int *does)
+/* Do velocities miss the constraints of a mechanism, compared with a speed in natural sizes? */
+static int misses(ncgen_instant *i, const ncgen_driven *d, ncgen_real speed, int *does)
 {
     const ncgen_model *model = d->model;
     const ncgen_pattern *pattern = &model->phi_q_pattern;
@@ -90,7 +112,7 @@ static int misses(ncgen_instant *i, const ncgen_driven *d, int *does)
     if (status == NCGEN_OK && model->nu)
         status = model->nu(i->moment->t, i->moment->q, i->p, nu);
     for (int r = 0; r < model->n_rows && status == NCGEN_OK; ++r) {
-        ncgen_real sum = model->nu ? -nu[r] : 0, size = NCGEN_ABS(sum) + d->dynamics->row_sizes[r] * speed_of(i, i->moment->qd);
+        ncgen_real sum = model->nu ? -nu[r] : 0, size = NCGEN_ABS(sum) + d->dynamics->row_sizes[r] * speed;
         for (int k = pattern->indptr[r]; k < pattern->indptr[r + 1]; ++k)
             sum += values[k] * i->moment->qd[pattern->indices[k]];
         *does |= !(NCGEN_ABS(sum) <= locked * size);
@@ -101,6 +123,7 @@ static int misses(ncgen_instant *i, const ncgen_driven *d, int *does)
 int ncgen_lock(ncgen_instant *i, int h)
 {
     const ncgen_hold *hold = i->events->holds + h;
+    const ncgen_real before = speed_of(i, i->moment->qd);
     ncgen_entered in;
     int missed;
     if (i->p[hold->on] > 0)
@@ -113,7 +136,7 @@ int ncgen_lock(ncgen_instant *i, int h)
     ncgen_enter_held(i->d, i->events, i->p, NULL, &in);
     status = ncgen_project_velocities(&in.driven, i->p, i->moment);
     if (status == NCGEN_OK)
-        status = misses(i, &in.driven, &missed);
+        status = misses(i, &in.driven, before, &missed);
     return status == NCGEN_OK && missed ? NCGEN_MOVED : status;
 }
 
@@ -130,6 +153,9 @@ void ncgen_begin_slip(ncgen_instant *i)
         if (hold->kind == NCGEN_HOLDS_JOINT)
             i->p[hold->slip] = is_still(i, hold) ? 0 : sign_of(i, hold->condition);
     }
+    for (int k = 0; k < i->events->n_rubbings; ++k)
+        for (int l = 0; l < i->events->rubbings[k].directions; ++l)
+            i->p[i->events->rubbings[k].slip[l]] = 0;
 }
 
 /* What was held and has been released begins to move with no velocity, not with one of rounding. */
@@ -165,6 +191,7 @@ static void write_wanted(const choice *c)
             i->p[hold->slip] = ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], sign_of(i, hold->condition));
     }
     ncgen_write_held(i->events, c->active.wanted, 0, i->p);
+    ncgen_write_ways(i, &c->active);
 }
 
 /* Loads of what is wanted, from the state that the choice began with. */
@@ -175,17 +202,24 @@ static int find_loads(void *context, int projected)
     const ncgen_events *e = i->events;
     const ncgen_real *q = i->passage->room;
     ncgen_real *pairs = i->passage->room + 2 * i->n, *next = c->active.loads;
-    int some = 0;
+    int some = 0, status = NCGEN_OK;
     ncgen_copy(i->n, q, i->moment->q);
     ncgen_copy(i->n, q + i->n, i->moment->qd);
     write_wanted(c);
     for (int h = 0; h < e->n_holds; ++h)
         some |= c->active.wanted[h];
-    if (!some)
+    if (!some && !e->follows_loads)
         return NCGEN_OK;
-    int status = projected ? project(i, 1) : NCGEN_OK;
+    if (some && projected)
+        status = project(i, 1);
+    if (status == NCGEN_OK && projected)
+        status = ncgen_check_parts(i, pairs);
     if (status == NCGEN_OK)
         status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, pairs);
+    if (status == NCGEN_OK && projected && !ncgen_is_determined(e, pairs))
+        status = NCGEN_UNDETERMINED;
+    if (status == NCGEN_OK)
+        ncgen_keep_ways(i, c->active.wanted, pairs);
     for (int h = 0; h < e->n_holds; ++h)
         for (int l = 0; c->active.wanted[h] && l < ncgen_loads_of(e->holds[h].kind); ++l) { /* loads begins where pairs do */
             const ncgen_real *load = pairs + 2 * (e->count + e->holds[h].load + l);
@@ -203,28 +237,33 @@ static void describe(const ncgen_instant *i, const int *happened, const int *res
     int *kinds = marks, *needs = kinds + n, *has_happened = needs + n, *rests = has_happened + n, *closed = rests + n, *still = closed + n;
     for (int h = 0; h < n; ++h) {
         const ncgen_hold *hold = e->holds + h;
-        const int k = hold->condition, is_lock = ncgen_is_lock(hold), is_gap = hold->kind == NCGEN_HOLDS_GAP;
+        const int k = hold->condition, is_lock = ncgen_is_lock(hold), is_gap = ncgen_is_gap(hold);
+        const ncgen_rubbing *rubbing = ncgen_rubbing_of(e, h);
         kinds[h] = hold->kind;
-        needs[h] = -1;
-        has_happened[h] = !is_lock && happened[k];
-        rests[h] = !is_lock && ((is_gap && resting[k]) || (before[h] && !was_hit));
+        needs[h] = rubbing ? rubbing->gap : -1;
+        has_happened[h] = !is_lock && happened[k] && (!rubbing || ncgen_comes_to_rest(i, rubbing));
+        rests[h] = !is_lock && ((is_gap && resting[k]) || (before[h] && !was_hit) || ncgen_stuck(e, i->passage)[h]);
         closed[h] = is_gap && ncgen_is_closed(i, k);
         still[h] = !is_lock && is_still(i, hold);
     }
 }
 
-/* How often joints have stuck, slipped or turned, and ratchets caught or released; qd (n): velocities before. */
+/* How often joints and contacts have stuck, slipped or turned, and ratchets caught or released; qd (n): velocities before. */
 static void count(const ncgen_instant *i, const int *happened, const ncgen_real *qd)
 {
     const ncgen_events *e = i->events;
+    const int *wanted = wanted_of(e, i->passage);
     for (int h = 0; h < e->n_holds; ++h) {
         const ncgen_hold *hold = e->holds + h;
-        const int held = wanted_of(e, i->passage)[h], changes = held != held_before(e, i->passage)[h];
-        const int turns = hold->kind == NCGEN_HOLDS_JOINT && happened[hold->condition] && !held && !changes;
-        if (turns || (changes && !ncgen_is_lock(hold)))
-            ncgen_note(i->passage->log, i->n, i->moment, hold->condition, turns ? NCGEN_TURNS : held ? NCGEN_RESTS : NCGEN_LEAVES, qd, 0, 0);
-        if (hold->kind == NCGEN_HOLDS_RATCHET || hold->kind == NCGEN_HOLDS_JOINT)
-            i->passage->happened[hold->condition] += changes || (hold->kind == NCGEN_HOLDS_JOINT && happened[hold->condition]);
+        const ncgen_rubbing *rubbing = ncgen_rubbing_of(e, h);
+        const int slips = rubbing ? rubbing->directions == 1 : hold->kind == NCGEN_HOLDS_JOINT;
+        const int held = wanted[h], changes = held != held_before(e, i->passage)[h];
+        const int turns = slips && happened[hold->condition] && !held && !changes;
+        const int leaves = rubbing && changes && !wanted[rubbing->gap]; /* which the gap says */
+        if (ncgen_is_lock(hold) || leaves || !(turns || changes))
+            continue;
+        ncgen_note(i->passage->log, i->n, i->moment, hold->condition, turns ? NCGEN_TURNS : held ? NCGEN_RESTS : NCGEN_LEAVES, qd, 0, 0);
+        i->passage->happened[hold->condition] += !ncgen_is_gap(hold);
     }
 }
 
@@ -248,10 +287,7 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
         return status;
     count(i, happened, i->passage->room + i->n);
     for (int h = 0; h < n; ++h)
-        if (e->holds[h].kind == NCGEN_HOLDS_GAP && (released[h] || wanted[h]))
+        if (ncgen_is_gap(e->holds + h) && (released[h] || wanted[h]))
             i->passage->signs[e->holds[h].condition] = 1;
-    if (!e->follows_loads)
-        return NCGEN_OK;
-    status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, i->passage->room);
-    return status == NCGEN_OK && !ncgen_is_determined(e, i->passage->room) ? NCGEN_UNDETERMINED : status;
+    return NCGEN_OK;
 }

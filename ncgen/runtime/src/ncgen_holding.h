@@ -5,6 +5,10 @@
 #include "ncgen_held.h"
 #include "ncgen_impacts.h"
 
+/* What is held when an instant begins is noted in passage->flags, with directions of contacts that are released, and let go: impulses act on
+ * the mechanism with its locks alone. */
+int ncgen_begin_instant(ncgen_instant *i);
+
 /* Do not watch gaps that are closed, and joints at rest, that cannot move while others are held. i: with the values there */
 int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in);
 

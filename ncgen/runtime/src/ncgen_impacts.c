@@ -33,14 +33,26 @@ static ncgen_real mobility(ncgen_instant *i, const ncgen_driven *d, const ncgen_
     return *status == NCGEN_OK ? ncgen_dot(i->n, direction, i->kept) : 0;
 }
 
+int ncgen_was_hit(const ncgen_instant *i)
+{
+    int changed = 0;
+    for (int j = 0; j < i->n; ++j)
+        changed |= i->moment->qd[j] < i->arrived[j] || i->moment->qd[j] > i->arrived[j];
+    return changed;
+}
+
 int ncgen_can_move(ncgen_instant *i, int condition, int *can)
+{
+    return ncgen_can_move_along(i, ncgen_gradient(i, condition), can);
+}
+
+int ncgen_can_move_along(ncgen_instant *i, const ncgen_real *direction, int *can)
 {
     ncgen_entered in;
     int status = NCGEN_OK;
     ncgen_enter_held(i->d, i->events, i->p, NULL, &in);
     if (in.driven.model == i->d->model)
         return NCGEN_OK;
-    const ncgen_real *direction = ncgen_gradient(i, condition);
     const ncgen_real own = mobility(i, &in.driven, direction, &status), whole = mobility(i, i->d, direction, &status);
     *can = !ncgen_is_blocked(own, whole);
     return status;
@@ -69,14 +81,20 @@ int ncgen_set_velocities(ncgen_instant *i, int event)
     return status;
 }
 
-/* Velocities of gaps, what they are sums of, and how impulses on gaps change them. */
+static const ncgen_real *gradient_of_row(const ncgen_instant *i, int row)
+{
+    const int code = i->rows[row];
+    return code < i->count ? ncgen_gradient(i, code) : ncgen_sliding_gradient(i, code - i->count);
+}
+
+/* Velocities of gaps and of sliding, what they are sums of, and how impulses change them. */
 static int find_responses(ncgen_instant *i, ncgen_impact *impact)
 {
     const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
     ncgen_entered in;
     ncgen_enter_held(i->d, i->events, i->p, NULL, &in); /* locks that are closed answer, too */
-    for (int a = 0; a < impact->count; ++a) {
-        const ncgen_real *w = ncgen_gradient(i, i->taking[a]), drift = w[2 * i->n];
+    for (int a = 0; a < impact->rows; ++a) {
+        const ncgen_real *w = gradient_of_row(i, a), drift = i->rows[a] < i->count ? w[2 * i->n] : 0;
         i->terms[a] = NCGEN_ABS(drift);
         i->velocities[a] = drift + ncgen_dot(i->n, w, i->moment->qd);
         for (int j = 0; j < i->n; ++j)
@@ -85,22 +103,47 @@ static int find_responses(ncgen_instant *i, ncgen_impact *impact)
         if (status != NCGEN_OK)
             return status;
     }
-    for (int a = 0; a < impact->count; ++a)
-        for (int b = 0; b < impact->count; ++b)
-            i->G[a * impact->count + b] = ncgen_dot(i->n, ncgen_gradient(i, i->taking[a]), response(i, b));
+    for (int a = 0; a < impact->rows; ++a)
+        for (int b = 0; b < impact->rows; ++b)
+            i->G[a * impact->rows + b] = ncgen_dot(i->n, gradient_of_row(i, a), response(i, b));
     return NCGEN_OK;
+}
+
+/* The friction of the gap of an event, or NULL. */
+static const ncgen_rubbing *rubbing_of(const ncgen_instant *i, int event)
+{
+    for (int k = 0; k < i->events->n_rubbings; ++k)
+        if (i->events->rubbings[k].event == event)
+            return i->events->rubbings + k;
+    return NULL;
 }
 
 /* One more gap or ratchet that takes part. */
 static void take(ncgen_instant *i, ncgen_impact *impact, int condition, ncgen_real restitution)
 {
     const int a = impact->count;
+    const ncgen_rubbing *rubbing = rubbing_of(i, condition);
     i->taking[a] = condition;
-    i->places[3 * a] = a;
-    i->places[3 * a + 1] = i->places[3 * a + 2] = 0;
+    i->places[3 * a] = impact->rows;
+    i->places[3 * a + 1] = rubbing ? rubbing->directions : 0;
+    i->places[3 * a + 2] = rubbing ? rubbing->poisson : 0;
     i->coefficients[3 * a] = restitution;
-    i->coefficients[3 * a + 1] = i->coefficients[3 * a + 2] = 0;
-    impact->count = impact->rows = a + 1;
+    i->coefficients[3 * a + 1] = rubbing ? i->numbers[rubbing->value] : 0;
+    i->coefficients[3 * a + 2] = rubbing ? i->numbers[rubbing->value + 1] : 0;
+    i->rows[impact->rows++] = condition;
+    for (int k = 0; rubbing && k < rubbing->directions; ++k)
+        i->rows[impact->rows++] = i->count + rubbing->first + k;
+    impact->count = a + 1;
+}
+
+/* Note which contacts impacts leave sticking, behind the other flags of what may be held. */
+static void note_stuck(ncgen_instant *i, const ncgen_impact *impact)
+{
+    for (int a = 0; a < impact->count; ++a) {
+        const ncgen_rubbing *rubbing = rubbing_of(i, i->taking[a]);
+        if (rubbing && rubbing->stick >= 0 && i->sticks[a])
+            ncgen_stuck(i->events, i->passage)[rubbing->stick] = 1;
+    }
 }
 
 /* The gaps that take part: those that are due, and those that are closed already. *wanted: whether some are due. */
@@ -122,15 +165,21 @@ static int take_gaps(ncgen_instant *i, ncgen_impact *impact, int *wanted)
     return NCGEN_OK;
 }
 
-/* Ratchets that run backward, but for those that only just turn. */
-static void take_ratchets(ncgen_instant *i, ncgen_impact *impact, const int *turning)
+/* Ratchets that run backward, but for those that only just turn, and those that locks hold. at_rest: NULL, or others that do not */
+static int take_ratchets(ncgen_instant *i, ncgen_impact *impact, const int *turning, const int *at_rest)
 {
     const ncgen_events *e = i->events;
-    for (int h = 0; h < e->n_holds; ++h) {
+    int status = NCGEN_OK;
+    for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
         const int k = e->holds[h].condition;
-        if (e->holds[h].kind == NCGEN_HOLDS_RATCHET && !turning[k] && i->values[2 * k] <= 0)
+        int moves = 1;
+        if (e->holds[h].kind != NCGEN_HOLDS_RATCHET || turning[k] || i->values[2 * k] > 0 || (at_rest && at_rest[h]))
+            continue;
+        status = ncgen_can_move(i, k, &moves);
+        if (status == NCGEN_OK && moves)
             take(i, impact, k, 0);
     }
+    return status;
 }
 
 /* What is taken is hit. */
@@ -144,13 +193,17 @@ static int blow(ncgen_instant *i, ncgen_impact *impact)
     if (status == NCGEN_OK)
         status = ncgen_impact_of_gaps(impact);
     ncgen_copy(i->n, i->moment->qd, i->prior);
-    for (int a = 0; a < impact->count && status == NCGEN_OK && impact->closes; ++a) {
-        push(i, a, i->impulses[a]);
-        i->passage->happened[i->taking[a]] += i->impulses[a] > 0 && i->taking[a] < i->count - i->events->n_velocities;
+    if (status != NCGEN_OK || !impact->closes)
+        return status;
+    for (int row = 0; row < impact->rows; ++row)
+        push(i, row, i->impulses[row]);
+    for (int a = 0; a < impact->count; ++a) {
+        const ncgen_real impulse = i->impulses[i->places[3 * a]];
+        i->passage->happened[i->taking[a]] += impulse > 0 && i->taking[a] < i->count - i->events->n_velocities;
+        if (impulse > 0)
+            ncgen_note(i->passage->log, i->n, i->moment, i->taking[a], NCGEN_HAPPENS, i->prior, impulse, i->lost[a]);
     }
-    for (int a = 0; a < impact->count && status == NCGEN_OK && impact->closes; ++a)
-        if (i->impulses[a] > 0)
-            ncgen_note(i->passage->log, i->n, i->moment, i->taking[a], NCGEN_HAPPENS, i->prior, i->impulses[a], i->lost[a]);
+    note_stuck(i, impact);
     return status;
 }
 
@@ -168,8 +221,9 @@ int ncgen_hit(ncgen_instant *i, int *hit)
     *hit = 0;
     if (status != NCGEN_OK || !wanted)
         return status;
-    take_ratchets(i, &impact, i->passage->due);
-    status = blow(i, &impact);
+    status = take_ratchets(i, &impact, i->passage->due, NULL);
+    if (status == NCGEN_OK)
+        status = blow(i, &impact);
     *hit = impact.closes;
     return status;
 }
@@ -177,6 +231,7 @@ int ncgen_hit(ncgen_instant *i, int *hit)
 int ncgen_catch(ncgen_instant *i, const int *happened)
 {
     ncgen_impact impact = impact_of(i, NCGEN_SIMULTANEOUS);
-    take_ratchets(i, &impact, happened);
-    return impact.count ? blow(i, &impact) : NCGEN_OK;
+    const int *held_before = i->passage->flags;
+    const int status = take_ratchets(i, &impact, happened, ncgen_was_hit(i) ? NULL : held_before);
+    return status == NCGEN_OK && impact.count ? blow(i, &impact) : status;
 }

@@ -15,13 +15,15 @@ typedef struct ncgen_instant {
     ncgen_passage *passage;
     int n, count;
     ncgen_real *values, *before, *scales;        /* pairs (value, size) of each condition, now and before; scales (count) */
-    ncgen_real *slopes;                          /* count x (2 n + 1) */
+    ncgen_real *derivatives;                     /* count x (2 n + 1) */
     ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
     ncgen_real *kept, *prior, *numbers;          /* n, n: velocities before what is noted, what actions set */
     ncgen_real *arrived;                         /* n: velocities before the instant */
+    ncgen_real *sliding;                         /* n_sliding velocities at which contacts slide, and of each its derivatives by qd */
     /* of an impact, as ncgen_impact has them: gaps that take part, and what is known of them */
     ncgen_real *velocities, *impulses, *lost, *terms, *coefficients, *space;
     int *taking, *places, *sticks;
+    int *rows; /* of each velocity its condition, or count and the number of a contact's velocity */
 } ncgen_instant;
 
 static inline int ncgen_is_closed(const ncgen_instant *i, int k)
@@ -32,14 +34,21 @@ static inline int ncgen_is_closed(const ncgen_instant *i, int k)
 /* The derivatives of a condition by q and qd (n each) and t; of velocities of joints and ratchets those by qd stand first, and 0 for t. */
 static inline const ncgen_real *ncgen_gradient(const ncgen_instant *i, int k)
 {
-    return i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
+    return i->derivatives + (size_t)k * (size_t)(2 * i->n + 1);
 }
 
-/* The values of the conditions, with their slopes and scales, at the moment. */
+/* The derivatives of a velocity at which a contact slides by qd. */
+static inline const ncgen_real *ncgen_sliding_gradient(const ncgen_instant *i, int number)
+{
+    return i->sliding + i->events->n_sliding + (size_t)number * (size_t)i->n;
+}
+
+/* The values of the conditions, with their derivatives and scales, at the moment. */
 int ncgen_look(ncgen_instant *i);
 
-/* Can a condition change with what is held? */
+/* Can a condition, or a velocity with these derivatives by qd, change with what is held? */
 int ncgen_can_move(ncgen_instant *i, int condition, int *can);
+int ncgen_can_move_along(ncgen_instant *i, const ncgen_real *direction, int *can);
 
 const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event); /* NULL: it has none */
 
@@ -47,7 +56,11 @@ const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event); /* N
  * of the state before. */
 int ncgen_hit(ncgen_instant *i, int *hit);
 
-/* The impulses that stop ratchets which run backward, but for those that only just turn, as `happened` (count) says. */
+/* Have velocities changed at this instant? */
+int ncgen_was_hit(const ncgen_instant *i);
+
+/* The impulses that stop ratchets which run backward, but for those that only just turn, as `happened` (count) says, and those that were held
+ * where nothing was hit. */
 int ncgen_catch(ncgen_instant *i, const int *happened);
 
 /* The velocities that an event sets, with those of all other coordinates. */

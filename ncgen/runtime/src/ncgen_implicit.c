@@ -23,7 +23,7 @@ void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     w->at = ncgen_take(&r->space, ny);
     w->stage_derivatives = ncgen_take(&r->space, 2 * ny);
     w->interpolant = ncgen_take(&r->space, 3 * ny);
-    m->jacobian = ncgen_take(&r->space, m->rows * m->width);
+    m->jacobian = ncgen_take(&r->space, (m->is_reduced ? m->count : m->rows) * m->width);
     m->real.matrix = ncgen_take(&r->space, m->count * m->count);
     m->complex.matrix = ncgen_take(&r->space, 4 * m->count * m->count);
     m->real.order = integers;
@@ -38,24 +38,23 @@ void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         ncgen_reduced_layout(r, &m->along, integers ? integers + 3 * m->count : NULL);
 }
 
-/* Where the Jacobian has the row of an unknown: one after the other, or every `rows` numbers where it is reduced. */
+/* The row of an unknown in the Jacobian. */
 static const ncgen_real *row_of(const ncgen_implicit *m, int unknown)
 {
-    return m->jacobian + (m->is_reduced ? (size_t)m->along.chosen[unknown] : (size_t)unknown * (size_t)m->width);
+    return m->jacobian + (size_t)unknown * (size_t)m->width;
 }
 
 /* Factor s - J_v - J_x / s for s = a + ib, or s - J where positions do not follow; parts: 1 where s is real, 2 else. */
 int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int parts, ncgen_scalar a, ncgen_scalar b)
 {
     const int count = m->count, size = parts * count;
-    const size_t stride = m->is_reduced ? (size_t)m->rows : 1;
     shifted->parts = parts;
     shifted->inverse[0] = a / (a * a + b * b);
     shifted->inverse[1] = -b / (a * a + b * b);
     for (int i = 0; i < count; ++i) {
         const ncgen_real *row = row_of(m, i);
         for (int j = 0; j < count; ++j) {
-            const ncgen_real by_v = row[(size_t)j * stride], by_x = m->is_second_order ? row[(size_t)(count + j) * stride] : 0;
+            const ncgen_real by_v = row[j], by_x = m->is_second_order ? row[count + j] : 0;
             const ncgen_real real = (i == j ? a : 0) - by_v - shifted->inverse[0] * by_x;
             const ncgen_real imaginary = (i == j ? b : 0) - shifted->inverse[1] * by_x;
             for (int k = 0; k < parts; ++k) {
@@ -77,14 +76,9 @@ static ncgen_real over(const ncgen_shifted *s, const ncgen_real *x, int stride, 
     return s->parts == 1 ? own : own + (k == 0 ? -s->inverse[1] : s->inverse[1]) * x[(1 - k) * stride];
 }
 
-static void add_column(int n, ncgen_real factor, const ncgen_real *NCGEN_RESTRICT column, ncgen_real *NCGEN_RESTRICT sum)
-{
-    for (int i = 0; i < n; ++i)
-        sum[i] += factor * column[i];
-}
-
 /* x of (s - J) x = f over all coordinates, where J sees along the constraints alone: with the measured part u of the velocities and the
- * chosen positions p, s u = f_u + J_v u + J_x p, s p = u + f_p; the others follow from their own rows of J. */
+ * chosen positions p, s u = f_u + J_v u + J_x p, s p = u + f_p. The others change along the basis by as much as these; what its turning adds,
+ * nothing stiff, is left to the next iteration. */
 static void solve_reduced(ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x)
 {
     const int count = m->count, n = m->rows, ny = r->error_size, parts = shifted->parts;
@@ -96,19 +90,17 @@ static void solve_reduced(ncgen_run *r, const ncgen_implicit *m, const ncgen_shi
     }
     for (int k = 0; k < parts; ++k)
         for (int i = 0; i < count; ++i)
-            for (int j = 0; j < count; ++j)
-                right[k * count + i] += row_of(m, i)[(size_t)(count + j) * (size_t)n] * p[k * count + j];
+            right[k * count + i] += ncgen_dot(count, row_of(m, i) + count, p + k * count);
     ncgen_lu_solve(parts * count, shifted->matrix, shifted->order, right, u);
     for (int k = 0; k < parts; ++k)
         for (int i = 0; i < count; ++i)
             p[k * count + i] += over(shifted, u + i, count, k);
     for (int k = 0; k < parts; ++k) {
+        for (int i = 0; i < count; ++i)
+            right[i] = ncgen_dot(count, row_of(m, i), u + k * count) + ncgen_dot(count, row_of(m, i) + count, p + k * count);
         ncgen_copy(2 * n, f + k * ny, x + k * ny);
-        for (int j = 0; j < count; ++j) {
-            add_column(n, u[k * count + j], m->jacobian + (size_t)j * (size_t)n, x + k * ny);
-            add_column(n, p[k * count + j], m->jacobian + (size_t)(count + j) * (size_t)n, x + k * ny);
-            add_column(n, u[k * count + j], m->along.basis + (size_t)j * (size_t)n, x + k * ny + n);
-        }
+        ncgen_reduced_add(r, &m->along, right, x + k * ny);
+        ncgen_reduced_add(r, &m->along, u + k * count, x + k * ny + n);
     }
     for (int i = 0; i < 2 * n; ++i) {
         const ncgen_real sum[2] = {x[i], parts == 2 ? x[ny + i] : 0};

@@ -2,7 +2,7 @@
 #include "ncgen_impulses.h"
 #include "ncgen_contact_laws.h"
 
-/* Relative to what is added up: a velocity that is none; energy that an impact may give. */
+/* Relative to what is added up: a velocity that counts as zero; energy that an impact may give. */
 static const ncgen_scalar nothing = R(1.0e-12), gain = R(1.0e-9);
 
 static ncgen_contact contact_of(const ncgen_impact *i, int number)
@@ -30,13 +30,13 @@ static int are_coupled(const ncgen_impact *i)
 /* The contact that closes fastest, or -1. */
 static int fastest(const ncgen_impact *i)
 {
-    int found = -1;
+    int best = -1;
     for (int b = 0; b < i->count; ++b) {
         const int gap = contact_of(i, b).gap;
-        if (i->velocities[gap] < -nothing * i->terms[gap] && (found < 0 || i->velocities[gap] < i->velocities[contact_of(i, found).gap]))
-            found = b;
+        if (i->velocities[gap] < -nothing * i->terms[gap] && (best < 0 || i->velocities[gap] < i->velocities[contact_of(i, best).gap]))
+            best = b;
     }
-    return found;
+    return best;
 }
 
 /* Velocities after impulses of some contacts, and what these take. */

@@ -40,7 +40,7 @@ typedef struct ncgen_impact {
 size_t ncgen_impact_workspace(int rows);
 
 /* The impact of contacts whose gaps are closed; nothing happens unless one closes. NCGEN_SINGULAR: no impulse changes a gap;
- * NCGEN_NO_ORDER: laws differ, and none is said; NCGEN_NO_IMPULSES: none obey the laws; NCGEN_GAIN: they would give energy;
+ * NCGEN_NO_ORDER: laws differ, and the order is not given; NCGEN_NO_IMPULSES: none obey the laws; NCGEN_GAIN: they would give energy;
  * NCGEN_ENDLESS: impacts in turn do not end. */
 int ncgen_impact_of_gaps(ncgen_impact *impact);
 

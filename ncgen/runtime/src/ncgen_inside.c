@@ -189,21 +189,21 @@ static int compare(ncgen_run *r, ncgen_stepping *w, const part *p, int *are_righ
 
 /* Does condition k change its sign between two of the nodes from one share of the part to another? */
 static int find_by_samples(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar low, ncgen_scalar high, ncgen_walk *walk,
-                           int *found)
+                           int *crossed)
 {
     const ncgen_event *event = r->options->event;
     ncgen_real *values = sample(event, event->degree + 1);
     int status = NCGEN_OK;
-    for (int node = 0; node <= event->degree && status == NCGEN_OK && !*found; ++node) {
+    for (int node = 0; node <= event->degree && status == NCGEN_OK && !*crossed; ++node) {
         const ncgen_scalar s = low + (high - low) * event->nodes[node];
         status = evaluate_at(r, w, p, s, values);
-        *found = status == NCGEN_OK && ncgen_walk_to(walk, s, values[2 * k]);
+        *crossed = status == NCGEN_OK && ncgen_walk_to(walk, s, values[2 * k]);
     }
     return status;
 }
 
 /* Does condition k, which has a formula, happen within the part? Shares of it without bounds are sampled. */
-static int find_by_formula(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar size, ncgen_walk *walk, int *found)
+static int find_by_formula(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar size, ncgen_walk *walk, int *crossed)
 {
     const ncgen_event *event = r->options->event;
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
@@ -211,48 +211,54 @@ static int find_by_formula(ncgen_run *r, ncgen_stepping *w, const part *p, int k
                                       r->p};
     ncgen_scalar reached = 0, unbounded = 1;
     int status = NCGEN_OK, parts = 0;
-    *found = 0;
-    while (!*found && status == NCGEN_OK) {
-        *found = event->formulas->walk(&step, &basis, k, size, walk, &reached, &unbounded, &parts);
-        if (*found || !(reached < 1))
+    *crossed = 0;
+    while (!*crossed && status == NCGEN_OK) {
+        *crossed = event->formulas->walk(&step, &basis, k, size, walk, &reached, &unbounded, &parts);
+        if (*crossed || !(reached < 1))
             break;
         event->formulas->sampled[k] = 1;
-        status = find_by_samples(r, w, p, k, reached, unbounded, walk, found);
+        status = find_by_samples(r, w, p, k, reached, unbounded, walk, crossed);
         reached = unbounded;
     }
-    *found = status == NCGEN_OK && (*found || ncgen_walk_end(walk, sample(event, event->degree)[2 * k]));
+    *crossed = status == NCGEN_OK && (*crossed || ncgen_walk_end(walk, sample(event, event->degree)[2 * k]));
     return status;
 }
 
 /* Does condition k change its sign from node to node? */
-static int find_at_nodes(const ncgen_event *event, int k, ncgen_walk *walk, int *found)
+static int find_at_nodes(const ncgen_event *event, int k, ncgen_walk *walk, int *crossed)
 {
-    *found = 0;
-    for (int node = 0; node <= event->degree && !*found; ++node)
-        *found = ncgen_walk_to(walk, event->nodes[node], sample(event, node)[2 * k]);
-    *found = *found || ncgen_walk_end(walk, sample(event, event->degree)[2 * k]);
+    *crossed = 0;
+    for (int node = 0; node <= event->degree && !*crossed; ++node)
+        *crossed = ncgen_walk_to(walk, event->nodes[node], sample(event, node)[2 * k]);
+    *crossed = *crossed || ncgen_walk_end(walk, sample(event, event->degree)[2 * k]);
     return NCGEN_OK;
 }
 
+/* Does the part begin where the run resumes, at an instant whose events have just been carried out? */
+static int resumes(const ncgen_run *r, const part *p)
+{
+    return r->options->event->resumes && !(p->from > 0) && !(p->t > r->times[0]);
+}
+
 /* Does condition k happen within the part? Then between the shares *low and *high of it. */
-static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *found, ncgen_scalar *low, ncgen_scalar *high)
+static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *crossed, ncgen_scalar *low, ncgen_scalar *high)
 {
     const ncgen_event *event = r->options->event;
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
     const ncgen_formulas *formulas = event->formulas;
     const ncgen_scalar size = size_of(event, k);
+    const ncgen_real first = sample(event, 0)[2 * k];
     const int has_formula = formulas && formulas->first[k] < formulas->first[k + 1];
     const int jumps = is_sampled(event, k) && !((p->to - p->from) * FINEST > 1); /* no polynomial is right there */
     if (r->constrained && (has_formula || jumps)) {
-        const ncgen_real first = sample(event, 0)[2 * k];
         ncgen_walk walk = {event->directions[k], event->signs[k] ? event->signs[k] : (first > 0) - (first < 0), 0, 0, 0};
-        const int status = jumps ? find_at_nodes(event, k, &walk, found) : find_by_formula(r, w, p, k, size, &walk, found);
+        const int status = jumps ? find_at_nodes(event, k, &walk, crossed) : find_by_formula(r, w, p, k, size, &walk, crossed);
         event->signs[k] = walk.sign;
         *low = walk.at;
         *high = walk.next;
         return status;
     }
-    *found = ncgen_first_crossing(&basis, event->samples + 2 * k, 2 * event->count, noise_of(r, size), event->directions[k], &event->signs[k],
+    *crossed = ncgen_first_crossing(&basis, event->samples + 2 * k, 2 * event->count, noise_of(r, size), event->directions[k], &event->signs[k],
                                   low, high);
     return NCGEN_OK;
 }
@@ -293,7 +299,7 @@ static int is_there(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen
 {
     const ncgen_event *event = r->options->event;
     const int way = event->directions[k];
-    const int is_start = event->resumes && !(*low > 0) && !(p->from > 0) && !(p->t > r->times[0]);
+    const int is_start = resumes(r, p) && !(*low > 0);
     *there = way == 0 && !(NCGEN_ABS(*at_low) > 0) && !is_start;
     if (way == 0 || *at_low * way < 0 || is_start || is_sampled(event, k))
         return NCGEN_OK;
@@ -354,9 +360,9 @@ static int find_first(ncgen_run *r, ncgen_stepping *w, const part *p, int *happe
         shares[k] = 2;
         if (event->directions[k] == OFF)
             continue;
-        int found = 0;
-        status = find(r, w, p, k, &found, &low, &high);
-        if (status != NCGEN_OK || !found || low > *s)
+        int crossed = 0;
+        status = find(r, w, p, k, &crossed, &low, &high);
+        if (status != NCGEN_OK || !crossed || low > *s)
             continue;
         status = locate_between(r, w, p, k, low, &high);
         shares[k] = high;
@@ -369,7 +375,7 @@ static int find_first(ncgen_run *r, ncgen_stepping *w, const part *p, int *happe
     }
     const ncgen_scalar same = same_instant * r->rounding * (1 + NCGEN_ABS(p->t) / ((p->to - p->from) * p->h));
     for (int k = 0; k < event->count; ++k)
-        event->crossed[k] = shares[k] <= 1 && shares[k] <= *s + same;
+        event->crossed[k] = shares[k] <= 1 && shares[k] <= *s + same; /* in a step over a jump of a law all are at one time */
     *s = share_of(p, *s);
     return status;
 }

@@ -147,10 +147,8 @@ int ncgen_partitioning_place(ncgen_run *r, ncgen_scalar t, ncgen_real *amplifica
 static int find_power(ncgen_run *r, ncgen_scalar t, const ncgen_real *qd, const ncgen_real *zdd, ncgen_real *power)
 {
     ncgen_partitioning *w = r->partitioning;
-    ncgen_real energies[3];
-    if (ncgen_energies(r, t, r->q, qd, energies) != NCGEN_OK)
+    if (ncgen_power(r, t, r->q, qd, power) != NCGEN_OK)
         return NCGEN_DOMAIN;
-    *power = energies[2];
     if (!r->model->nu)
         return NCGEN_OK;
     for (int z = 0; z < r->nz; ++z)

@@ -203,7 +203,8 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, nc
 }
 
 /* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below, both are
- * changed as little as can be in the sense of kinetic energy, a position up to `enough`. */
+ * changed as little as can be in the sense of kinetic energy, a position up to `enough`. Where it follows from measured coordinates, these
+ * stay as they were integrated, each to the same order as all others. */
 static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
 {
     ncgen_copy(r->n, r->q, w->offset);
@@ -211,7 +212,7 @@ static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_sc
         return 0;
     if (w->closed_position)
         ncgen_copy(r->n, r->q, w->closed_position);
-    if (!approach(r, w, t, enough))
+    if (!ncgen_follows_from_measured(r) && !approach(r, w, t, enough))
         return 0;
     ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
     ncgen_copy(r->n, w->emitted, r->qd);

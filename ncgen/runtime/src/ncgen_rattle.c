@@ -86,7 +86,7 @@ static int drift(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar
 }
 
 /* RATTLE where the kicks depend on the velocity: both take that of the drift, which keeps the symmetry. */
-int ncgen_rattle_with_damping(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+int ncgen_rattle_with_tangents(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
 {
     const int n = r->n;
     int status = drift(r, c, t, h);

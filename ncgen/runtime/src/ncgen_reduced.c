@@ -129,6 +129,18 @@ void ncgen_reduced_measure(ncgen_run *r, const ncgen_reduced *w, const ncgen_rea
         chosen[k] = seen[w->chosen[k]] - w->driven[k];
 }
 
+void ncgen_reduced_add(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *chosen, ncgen_real *velocities)
+{
+    const ncgen_real *moved = w->is_measured ? ncgen_recursive_along(r, chosen) : NULL;
+    for (int i = 0; moved && i < r->n; ++i)
+        velocities[i] += moved[i];
+    for (int k = 0; !moved && k < w->count; ++k) {
+        const ncgen_real *NCGEN_RESTRICT column = w->basis + (size_t)k * (size_t)r->n, amount = chosen[k];
+        for (int i = 0; i < r->n; ++i)
+            velocities[i] += amount * column[i];
+    }
+}
+
 /* What the derivative sees at rest: the drivers' part, which is not that of the projected velocities. */
 static void find_driven(ncgen_run *r, ncgen_reduced *w)
 {
@@ -143,8 +155,8 @@ static void find_driven(ncgen_run *r, ncgen_reduced *w)
 
 /* Differences -------------------------------------------------------------------------------------------------- */
 
-/* A column of the Jacobian: the change of accelerations where the part of y from `first` on moves along column k of the basis, over the
- * length of the move; `size` is the size of that part, in natural sizes. */
+/* A column of the Jacobian: the change of the chosen accelerations where the part of y from `first` on moves along column k of the basis,
+ * over the length of the move; `size` is the size of that part, in natural sizes. */
 static int find_column(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncgen_real *y, int first, int k, ncgen_real size,
                        ncgen_real *column)
 {
@@ -155,8 +167,8 @@ static int find_column(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncg
     for (int i = 0; i < n; ++i)
         w->state[first + i] += length * move[i];
     const int status = r->derivative(r, t, w->state, w->rates);
-    for (int i = 0; i < n; ++i)
-        column[i] = (w->rates[i] - w->base[i]) / length;
+    for (int i = 0; i < w->count; ++i)
+        column[2 * i * w->count] = (w->rates[w->chosen[i]] - w->base[w->chosen[i]]) / length;
     return status;
 }
 
@@ -178,9 +190,9 @@ int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const
     const ncgen_real speed = ncgen_constrained_size(r, y), fall = NCGEN_SQRT(ncgen_constrained_size(r, w->base));
     const ncgen_real velocity = speed > fall ? speed : fall;
     for (int k = 0; k < w->count && status == NCGEN_OK; ++k)
-        status = find_column(r, w, t, y, 0, k, velocity > 0 ? velocity : 1, jacobian + k * n);
+        status = find_column(r, w, t, y, 0, k, velocity > 0 ? velocity : 1, jacobian + k);
     for (int k = 0; k < w->count && status == NCGEN_OK; ++k)
-        status = find_column(r, w, t, y, n, k, 1, jacobian + (w->count + k) * n);
+        status = find_column(r, w, t, y, n, k, 1, jacobian + w->count + k);
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
     return status;

@@ -25,10 +25,13 @@ int ncgen_degrees_of_freedom(const ncgen_run *r);
 /* integers: 2 n of them, or NULL where workspace is only counted. */
 void ncgen_reduced_layout(ncgen_run *r, ncgen_reduced *w, int *integers);
 
-/* How accelerations change along the basis: 2 count columns of n, by velocities and then by positions. */
+/* How the chosen accelerations change along the basis: count rows of 2 count, by velocities and then by positions. */
 int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncgen_real *y, ncgen_real *jacobian);
 
 /* The velocities of the chosen coordinates that the derivative sees in n velocities, whether the constraints allow these or not. */
 void ncgen_reduced_measure(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *velocities, ncgen_real *chosen);
+
+/* velocities += the basis times as much of its columns as is chosen. */
+void ncgen_reduced_add(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *chosen, ncgen_real *velocities);
 
 #endif

@@ -64,6 +64,24 @@ int ncgen_energies(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const 
     return status;
 }
 
+int ncgen_power(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *power)
+{
+    ncgen_real energies[3];
+    int status = NCGEN_OK;
+    *power = 0;
+    if (r->dynamics->conservative)
+        return NCGEN_OK;
+    if (!r->model->power) {
+        status = ncgen_energies(r, t, q, qd, energies);
+        *power = energies[2];
+        return status;
+    }
+    status = r->model->power(t, q, qd, r->p, power);
+    if (r->external)
+        *power += ncgen_dot(r->n, r->external, qd);
+    return status;
+}
+
 void ncgen_write_row(ncgen_run *r, ncgen_real work)
 {
     if (r->out_q) {

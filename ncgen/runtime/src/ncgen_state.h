@@ -92,6 +92,9 @@ int ncgen_external_forces(ncgen_run *r, ncgen_real t, const ncgen_real *q, const
 int ncgen_forces(ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *forces);
 int ncgen_energies(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real energies[3]);
 
+/* The last of these alone. */
+int ncgen_power(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *power);
+
 /* Sparse matrices, of which one without rows has no pattern. */
 int ncgen_nonzeros(const ncgen_pattern *pattern);
 

@@ -73,11 +73,12 @@ static int begin(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 static ncgen_stepper *stepper_of(const ncgen_run *r)
 {
     const int tangents = ncgen_uses_tangents(r->model, r->dynamics, r->options);
-    if (r->options->method == NCGEN_RATTLE)
-        return tangents ? ncgen_rattle_with_damping : ncgen_rattle;
-    if (r->options->method == NCGEN_ENERGY_MOMENTUM)
-        return tangents ? ncgen_energy_momentum_corrected : ncgen_energy_momentum;
-    return r->options->method == NCGEN_GENERALIZED_ALPHA ? ncgen_generalized_alpha : ncgen_ali3p;
+#define CASE(constant, step, with_tangents) \
+    if (r->options->method == constant) \
+        return tangents ? with_tangents : step;
+    NCGEN_STEPPERS(CASE)
+#undef CASE
+    return ncgen_ali3p;
 }
 
 /* Equal steps from one break, or the start, to the next, or the end. */

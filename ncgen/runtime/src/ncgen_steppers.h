@@ -6,11 +6,14 @@
 #include "ncgen_grid.h"
 #ifndef NCGEN_WITHOUT_STEPPERS
 #include "ncgen_correction.h"
+#include "ncgen_methods.h"
 
 /* A step from t to t + h, whose end is left in r->q, r->qd and the work in w->new_y. */
 typedef int ncgen_stepper(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h);
-ncgen_stepper ncgen_rattle, ncgen_rattle_with_damping, ncgen_energy_momentum, ncgen_energy_momentum_corrected;
-ncgen_stepper ncgen_generalized_alpha, ncgen_ali3p;
+#define DECLARED(method, step, with_tangents) ncgen_stepper step, with_tangents;
+NCGEN_STEPPERS(DECLARED)
+#undef DECLARED
+ncgen_stepper ncgen_ali3p;
 
 void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c);
 int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c);

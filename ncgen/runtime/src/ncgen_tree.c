@@ -7,6 +7,7 @@
  */
 #include "ncgen_tree.h"
 #include "ncgen_tree_bodies.h"
+#include "ncgen_tree_loops.h"
 #include "ncgen_tree_rates.h"
 #include "ncgen_tree_solve.h"
 
@@ -53,13 +54,13 @@ static inline void spread_change(const ncgen_tree_element *e, int count, const n
                                  ncgen_real *moved)
 {
     for (const ncgen_tree_element *end = e + count; e < end; ++e) {
-        ncgen_real speed[3], found[3];
+        ncgen_real speed[3], acceleration[3];
         ncgen_cross(twist, e->lever, speed);
-        ncgen_carried(e, change, found);
-        ncgen_add_cross(twist, speed, found);
-        moved[e->c[0]] = found[0];
-        moved[e->c[1]] = found[1];
-        moved[e->c[2]] = found[2];
+        ncgen_carried(e, change, acceleration);
+        ncgen_add_cross(twist, speed, acceleration);
+        moved[e->c[0]] = acceleration[0];
+        moved[e->c[1]] = acceleration[1];
+        moved[e->c[2]] = acceleration[2];
     }
 }
 
@@ -128,6 +129,7 @@ static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen
     ncgen_tree_place at = ncgen_tree_begin(w);
     int status = NCGEN_OK;
     w->is_factored = w->is_factored && is_same(r->n, q, w->values);
+    w->are_there = w->are_there && w->is_factored;
     ncgen_copy(r->n, q, w->values);
     for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own) {
         if (own->is_hinge)
@@ -188,7 +190,6 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
 {
     const ncgen_tree *tree = w->tree;
     const int n = r->n;
-    ncgen_real energy[3] = {0, 0, 0};
     ncgen_tree_mass_at(r, w, t, q);
     int is_regular = go_outward(r, w, q, qd, 1) == NCGEN_OK;
     ncgen_copy(n, w->moved, out);
@@ -208,9 +209,10 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     for (int i = 0; i < tree->n_measured; ++i)
         w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
     ncgen_copy(n, w->moved, out + n);
-    if (!r->dynamics->conservative && ncgen_energies(r, t, q, out, energy) != NCGEN_OK)
+    if (tree->n_closing)
+        is_regular &= ncgen_gamma(r, t, q, out, w->gamma) == NCGEN_OK && ncgen_tree_close_loops(r, w, t, w->gamma, out + n);
+    if (ncgen_power(r, t, q, out, out + 2 * n) != NCGEN_OK)
         is_regular = 0;
-    out[2 * n] = energy[2];
     out[2 * n + 1] = growth_of(is_regular && ncgen_is_finite(2 * n, out));
 }
 
@@ -236,6 +238,8 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     for (int i = 0; i < tree->n_measured; ++i)
         w->moved[tree->measured[2 * i]] += tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
     ncgen_copy(n, w->moved, out);
+    if (tree->n_closing)
+        is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
     out[n] = growth_of(is_regular && ncgen_is_finite(n, out));
 }
 
@@ -261,6 +265,8 @@ int ncgen_tree_basis(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
 {
     const int n_screws = w->tree->n_screws;
     int count = 0;
+    if (w->tree->n_closing)
+        return 0;
     for (int i = 0; i < r->n; ++i)
         w->bias[i] = 0;
     ncgen_tree_mass_at(r, w, t, q);
@@ -278,4 +284,12 @@ int ncgen_tree_basis(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         chosen[count++] = w->screw[k].coordinate;
     }
     return count;
+}
+
+const ncgen_real *ncgen_tree_along(ncgen_tree_work *w, const ncgen_real *chosen)
+{
+    for (ncgen_tree_screw *screw = w->screw, *end = screw + w->tree->n_screws; screw < end; ++screw)
+        screw->rate = screw->leader >= 0 ? screw->ratio * w->screw[screw->leader].rate : screw->slowness * *chosen++;
+    move_at_rates(w);
+    return w->moved;
 }

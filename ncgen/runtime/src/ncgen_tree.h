@@ -12,4 +12,7 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
  * this one, a column of n; how many they are. 0 where a joint is not measured. */
 int ncgen_tree_basis(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen);
 
+/* ... the velocities of all coordinates at those of these ones, at the position that was looked at last. */
+const ncgen_real *ncgen_tree_along(ncgen_tree_work *w, const ncgen_real *chosen);
+
 #endif

@@ -1,5 +1,7 @@
 /* ncgen_tree_closing.c: how far the coordinates of an open tree are from satisfying its rows, link by link outward. */
 #include "ncgen_tree_closing.h"
+#include "ncgen_tree_loops.h"
+#include "ncgen_tree_positions.h"
 
 /* The right sides of the rows that close a link: `step` is zero for its own coordinates. */
 NCGEN_SHORT_LOOPS static void find_right(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, const ncgen_real *step)
@@ -80,12 +82,12 @@ NCGEN_SHORT_LOOPS static void close_link(const ncgen_run *r, ncgen_tree_work *w,
         }
 }
 
-void ncgen_tree_closing(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
+/* A Newton step from a position whose rows are known. */
+static void step_by_links(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
 {
     const int n_values = ncgen_nonzeros(&r->model->phi_q_pattern);
     const int *indices = r->model->phi_q_pattern.indices;
-    ncgen_real *phi = out + r->n;
-    ncgen_phi(r, t, q, phi);
+    const ncgen_real *phi = out + r->n;
     ncgen_phi_q(r, t, q, w->jacobian);
     for (int s = 0; s < n_values; ++s)
         w->scaled[s] = w->jacobian[s] * r->dynamics->column_sizes[indices[s]];
@@ -93,4 +95,83 @@ void ncgen_tree_closing(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const 
         out[i] = 0;
     for (int link = 0; link < w->tree->n_links; ++link)
         close_link(r, w, link, phi, out);
+}
+
+/* The largest residual, in natural sizes, of the rows that close links. */
+static ncgen_real violation_of_links(const ncgen_run *r, const ncgen_tree_work *w, const ncgen_real *phi)
+{
+    ncgen_copy(r->m, phi, w->gamma);
+    for (int i = 0; i < w->tree->n_closing; ++i)
+        w->gamma[w->tree->closing[i]] = 0;
+    return ncgen_largest(r->m, w->gamma, r->dynamics->row_sizes);
+}
+
+/* The start, closed to rounding, is the position that others follow from. */
+static int begin_closed_form(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, ncgen_real *out)
+{
+    enum { MOST_STEPS = 12 };
+    ncgen_tree_mass_at(r, w, t, r->start_q);
+    ncgen_copy(r->n, r->start_q, w->placed);
+    for (int k = 0; k < MOST_STEPS; ++k) {
+        ncgen_phi(r, t, w->placed, out + r->n);
+        if (violation_of_links(r, w, out + r->n) <= 100 * r->rounding)
+            break;
+        step_by_links(r, w, t, w->placed, out);
+        for (int i = 0; i < r->n; ++i)
+            w->placed[i] += out[i];
+    }
+    return ncgen_tree_keep_first(r, w, w->placed);
+}
+
+/* The step to the position of the same measured coordinates, and its rows; 0 where there is none that satisfies them. */
+static int close_at_once(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
+{
+    if (w->closed_form == NCGEN_UNKNOWN)
+        w->closed_form = !r->model->nu && begin_closed_form(r, w, t, out);
+    if (!w->closed_form)
+        return 0;
+    ncgen_tree_place_all(r, w, q);
+    ncgen_phi(r, t, w->placed, out + r->n);
+    w->closed_form = violation_of_links(r, w, out + r->n) <= r->options->tolerance;
+    for (int i = 0; i < r->n; ++i)
+        out[i] = w->placed[i] - q[i];
+    return w->closed_form;
+}
+
+/* ... and to where loops are closed, too, by a Newton step over the joints. */
+static void close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
+{
+    const int n = r->n;
+    ncgen_real *phi = out + n;
+    for (int i = 0; i < n; ++i) {
+        w->placed[i] = q[i] + out[i];
+        w->still[i] = 0;
+    }
+    ncgen_tree_velocities(r, w, t, w->placed, w->still, w->room);
+    ncgen_phi(r, t, w->placed, w->gamma);
+    for (int i = 0; i < n; ++i)
+        w->room[i] = 0;
+    for (int i = 0; i < w->tree->n_closing; ++i) {
+        const int row = w->tree->closing[i];
+        phi[row] = w->gamma[row];
+        w->gamma[row] = -w->gamma[row];
+    }
+    ncgen_tree_close_loops(r, w, t, w->gamma, w->room);
+    for (int i = 0; i < n; ++i)
+        out[i] += w->room[i];
+}
+
+int ncgen_tree_is_in_closed_form(const ncgen_tree_work *w)
+{
+    return w->closed_form == 1;
+}
+
+void ncgen_tree_closing(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
+{
+    if (!close_at_once(r, w, t, q, out)) {
+        ncgen_phi(r, t, q, out + r->n);
+        step_by_links(r, w, t, q, out);
+    }
+    if (w->tree->n_closing)
+        close_loops(r, w, t, q, out);
 }

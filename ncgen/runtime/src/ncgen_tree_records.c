@@ -6,6 +6,20 @@ static ncgen_real *take_records(ncgen_space *space, int count, size_t size)
     return ncgen_take(space, count * (int)(size / sizeof(ncgen_real)));
 }
 
+static void lay_out_loops(ncgen_run *r, ncgen_tree_work *w)
+{
+    const int count = w->tree->n_closing;
+    w->are_there = w->is_near_singular = w->n_independent = w->most_independent = 0;
+    w->left = ncgen_take(&r->space, (w->tree->n_screws + w->tree->n_groups) * count);
+    w->weights = ncgen_take(&r->space, w->tree->n_screws + w->tree->n_groups);
+    w->square = ncgen_take(&r->space, count * count);
+    w->own = ncgen_take(&r->space, count);
+    w->missing = ncgen_take(&r->space, count);
+    w->still = ncgen_take(&r->space, r->n);
+    w->room = ncgen_take(&r->space, r->n + 1);
+    w->order = (int *)take_records(&r->space, count, sizeof(ncgen_real));
+}
+
 void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
 {
     const ncgen_tree *tree = r->dynamics->tree;
@@ -13,7 +27,7 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     const int n_all = r->n + tree->n_fixed, n_values = ncgen_nonzeros(&r->model->phi_q_pattern);
     ncgen_real *links = take_records(space, tree->n_links + 1, sizeof(ncgen_tree_link));
     w->tree = tree;
-    w->mass_is_there = w->is_factored = w->is_regular = 0;
+    w->mass_is_there = w->is_factored = w->is_regular = w->are_there = 0;
     w->link = links ? (ncgen_tree_link *)links + 1 : NULL;
     w->element = (ncgen_tree_element *)take_records(space, tree->n_elements, sizeof(ncgen_tree_element));
     w->member = (ncgen_tree_member *)take_records(space, tree->member_start[tree->n_links], sizeof(ncgen_tree_member));
@@ -32,6 +46,15 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->scaled = ncgen_take(space, n_values);
     w->gram = ncgen_take(space, tree->most_rows * tree->most_rows);
     w->right = ncgen_take(space, 2 * tree->most_rows);
+    w->closed_form = NCGEN_UNKNOWN;
+    w->first = ncgen_take(space, n_all);
+    w->placed = ncgen_take(space, n_all);
+    w->axes = ncgen_take(space, 4 * tree->n_screws);
+    w->travel = ncgen_take(space, tree->n_screws);
+    w->turns = ncgen_take(space, 12 * tree->n_links);
+    w->gamma = ncgen_take(space, r->m);
+    if (tree->n_closing)
+        lay_out_loops(r, w);
 }
 
 static void begin_link(ncgen_tree_work *w, int link)

@@ -1,7 +1,7 @@
 /* ncgen_tree_solve.c: articulated inertias of an open tree, in loops over its tables, and what they give for forces.
  *
  * A joint takes from the inertia A beyond it what it does not pass on, A - U U'/d with U = A s and d = s'U for its screw s. Joints that follow
- * another one at a constant ratio are one group with it: their links hang on one carrier or on one another, and a link moves beside the
+ * another one at a constant ratio are one group with it: their links hang on one carrier or on one another, and a link moves relative to the
  * carrier by the ratios times the screws on the way, S z. So the carrier loses U U'/d with U = sum of A S and d = sum of S'A S, in which every
  * A is the inertia that a link carries without its group.
  */
@@ -147,6 +147,25 @@ int ncgen_tree_reduce(ncgen_tree_work *w)
         }
     }
     return n_groups ? is_regular & close_groups(w, -1) : is_regular;
+}
+
+void ncgen_tree_push_link(ncgen_tree_work *w, int link, ncgen_real *pushes, ncgen_real *group_pushes)
+{
+    const ncgen_tree *tree = w->tree;
+    ncgen_tree_link *own = w->link + link;
+    const ncgen_tree_element *element = w->element + tree->element_start[link];
+    add_forces(w->force, element, element + own->n_elements, own->wrench);
+    for (int group = 0; group < tree->n_groups; ++group)
+        if (tree->carrier[group] == link)
+            take_share(w->group[2 * group] * group_pushes[group], w->joined + 6 * (tree->n_links + group), own->wrench);
+    for (int k = tree->screw_start[link + 1] - 1; k >= tree->screw_start[link]; --k) {
+        const ncgen_tree_screw *screw = w->screw + k;
+        pushes[k] += ncgen_dot3(screw->axis, own->wrench + (screw->turns ? 0 : 3));
+        if (own->group >= 0)
+            group_pushes[own->group] += screw->ratio * pushes[k];
+        else
+            take_share(screw->pivot * pushes[k], screw->momentum, own->wrench);
+    }
 }
 
 void ncgen_tree_push(ncgen_tree_work *w)

@@ -11,6 +11,9 @@ int ncgen_tree_reduce(ncgen_tree_work *w);
 /* The pushes alone, momenta and pivots being those of the position already. */
 void ncgen_tree_push(ncgen_tree_work *w);
 
+/* Of one link, into arrays of all screws and groups, with the forces along its coordinates; its wrench is then what its parent gets. */
+void ncgen_tree_push_link(ncgen_tree_work *w, int link, ncgen_real *pushes, ncgen_real *group_pushes);
+
 /* What the joints' rates change by, in pushes, and the links by that, in wrenches. */
 void ncgen_tree_release(ncgen_tree_work *w);
 

@@ -88,7 +88,22 @@ typedef struct ncgen_tree_work {
     ncgen_real *jacobian;        /* values of Phi_q */
     ncgen_real *scaled;          /* ... in natural sizes of the coordinates */
     ncgen_real *gram, *right;    /* of the rows that close a link */
+    int closed_form;             /* are positions known from measured coordinates? NCGEN_UNKNOWN: not looked at yet */
+    ncgen_real *first, *placed;  /* n + n_fixed: the first position of the run, and one in closed form */
+    ncgen_real *axes;            /* 4 a screw: its unit axis in the first position, and how long that was */
+    ncgen_real *travel;          /* of a screw: its rate summed up since then */
+    int are_there, is_near_singular; /* is the matrix of closing rows that of the position in `values`? Are closing rows about to depend on each other? */
+    int n_independent, most_independent; /* closing rows here, and anywhere so far */
+    ncgen_real *left, *weights;  /* n_screws + n_groups a closing row: what of a force along it every screw and group sees; their 1 / pivots */
+    ncgen_real *square, *own;    /* n_closing squared: the matrix of their products with rows, factored; its diagonal before */
+    ncgen_real *missing;         /* n_closing: of the rows, then multipliers */
+    ncgen_real *gamma;           /* n_rows: of accelerations, or of positions */
+    ncgen_real *still, *room;    /* n, n + 1 */
+    int *order;                  /* n_closing: in which rows are eliminated */
+    ncgen_real *turns;           /* 12 a link: columns of its rotation since then, and its reference point */
 } ncgen_tree_work;
+
+enum { NCGEN_UNKNOWN = -1 };
 
 static const ncgen_real ncgen_nothing[6] = {0, 0, 0, 0, 0, 0};
 

@@ -23,16 +23,16 @@ def along(columns: np.ndarray, time: np.ndarray, change: np.ndarray) -> np.ndarr
 
 
 def solved(
-    kernels: Kernels, at: State, rows: np.ndarray, force: np.ndarray, right: np.ndarray, own: np.ndarray | None = None
+    kernels: Kernels, at: State, rows: np.ndarray, force: np.ndarray, right: np.ndarray, constraints: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """x (n, c) and y (m + k, c) of M x + Aᵀ y = force, A x = right, where A has the constraints and rows (k, n); redundant ones do no
-    harm. own: numbers of the constraints that A has, None for all"""
-    own = np.arange(kernels.m) if own is None else own
+    harm. constraints: numbers of the constraints that A has, None for all"""
+    constraints = np.arange(kernels.m) if constraints is None else constraints
     columns = kernels.column_sizes[:, None]
     norms = np.max(np.abs(rows) * columns.T, axis=1, initial=0.0)
-    sizes = np.concatenate([kernels.row_sizes[own], norms])[:, None]
+    sizes = np.concatenate([kernels.row_sizes[constraints], norms])[:, None]
     mass, unit = scaled_mass(kernels, at.q, at.t, at.p)
-    scaled = np.vstack([scaled_jacobian(kernels, at.q, at.t, at.p)[own], rows * columns.T / norms[:, None]])
+    scaled = np.vstack([scaled_jacobian(kernels, at.q, at.t, at.p)[constraints], rows * columns.T / norms[:, None]])
     x, y = KKT(mass, scaled, kernels).solve(columns * force / unit, right / sizes)
     return columns * x, unit * y / sizes
 

@@ -78,10 +78,11 @@ class EventJacobians:
                 change = self._lock(done, time, change)
             else:
                 change = self._act(done, time, change) if done.events else self._keep(o, done, time, change)
-        through = self._mode(o, time, change) - np.outer(following := self._flow(o.after, o.held), time)
+        after = self._mode(o, time, change)
         if o.held or o.after.locked:
-            through = self._onto(self.mode(o.after, o.held), o.after, through)
-        return EventJacobian(time, before, through + np.outer(following, time), through)
+            left = o.done[-1].after.qd if o.done else o.after.qd
+            after = self._onto(self.mode(o.after, o.held), replace(o.after, qd=left), after, time, o.after.qd)
+        return EventJacobian(time, before, after, after - np.outer(self._flow(o.after, o.held), time))
 
     def mode(self, at: State, held: tuple[int, ...]) -> Kernels:
         """The kernels of the mode of a state in which these are held."""
@@ -127,8 +128,8 @@ class EventJacobians:
         name = self._name(k, o.held_before)
         if k > self.functions.count + count_of(self._held(o.held_before)) - 1:
             raise self._none("stop", f"{where} ends the motion", "leave it out")
-        slopes = self.tangents.conditions(self.mode(o.before, o.held_before), self._held(o.held_before), o.before)[k]
-        by_time, by_state = slopes[0], slopes[1:]
+        derivatives = self.tangents.conditions(self.mode(o.before, o.held_before), self._held(o.held_before), o.before)[k]
+        by_time, by_state = derivatives[0], derivatives[1:]
         if np.any(by_state[2 * self.n :][self.driven]):
             raise self._none(name, f"{where} depends on an input that changes with time", "write that input as an expression of m.time")
         rate, size = by_time + by_state @ flow, abs(by_time) + np.abs(by_state) @ np.abs(flow)
@@ -210,8 +211,8 @@ class EventJacobians:
         """Constraints with other parameters, which positions satisfy. Raises ModelError where they would not after any change."""
         mode, at, n = self.functions.mode(done.before), done.before, self.n
         allowed = self._onto(self.mode(o.before, o.held_before), o.before, np.eye(len(time)))
-        rows, given = mode.holonomic, {"t": at.t, "q": at.q, "qd": 0 * at.qd, "qdd": 0 * at.qd, "lam": np.zeros(mode.m), "p": at.p}
-        J, by_p = mode.jacobian(at.q, at.t, at.p)[rows], mode.dense_tangent("phi_p", **given)[rows]
+        rows, arguments = mode.holonomic, {"t": at.t, "q": at.q, "qd": 0 * at.qd, "qdd": 0 * at.qd, "lam": np.zeros(mode.m), "p": at.p}
+        J, by_p = mode.jacobian(at.q, at.t, at.p)[rows], mode.dense_tangent("phi_p", **arguments)[rows]
         moved, time_by = change @ allowed, (time @ allowed)[None]
         factors = [(J, moved[:n]), (-mode.nu(at.q, at.t, at.p)[rows, None], time_by), (by_p, moved[2 * n :])]
         off, sizes = np.abs(sum(a @ b for a, b in factors)), sum(np.abs(a) @ np.abs(b) for a, b in factors)
@@ -227,8 +228,8 @@ class EventJacobians:
         functions, n, after = self.functions, self.n, change.copy()
         values = along(self.tangents.values(done.before), time, change)
         for name in done.locks:
-            place = self.kernels.parameters.index(self.kernels.model.locks[name].held)
-            after[2 * n + place] = self.impacts.element(f"{name}, place", values)
+            index = self.kernels.parameters.index(self.kernels.model.locks[name].held)
+            after[2 * n + index] = self.impacts.element(f"{name}, place", values)
         at = replace(done.after, qd=done.before.qd)
         after[n : 2 * n] = self._projected(functions.mode(at), at, done.after.qd, time, after)
         return after
@@ -260,13 +261,18 @@ class EventJacobians:
                 after[first + names.index(each.held)] = self.impacts.element(f"{each.name}, place", values)
         return after
 
-    def _onto(self, kernels: Kernels, at: State, change: np.ndarray) -> np.ndarray:
-        """What the constraints of a mode allow of a change: that of a gap that comes to rest by bounces vanishes."""
-        n = self.n
+    def _onto(
+        self, kernels: Kernels, at: State, change: np.ndarray, time: np.ndarray | None = None, qd: np.ndarray | None = None
+    ) -> np.ndarray:
+        """What the constraints of a mode allow of a change: that of a gap that comes to rest by bounces vanishes.
+
+        time: how the instant moves (none: not at all); qd: velocities to which the constraints take those of the state (none: these)
+        """
+        n, time = self.n, np.zeros(change.shape[1]) if time is None else time
         dq, dqd, dp = np.split(change, [n, 2 * n])
-        given = {"t": at.t, "q": at.q, "qd": at.qd, "qdd": np.zeros(n), "lam": np.zeros(kernels.m), "p": at.p}
-        own = kernels.holonomic
-        missing = kernels.jacobian(at.q, at.t, at.p) @ dq + kernels.dense_tangent("phi_p", **given) @ dp
-        dq = dq + solved(kernels, at, np.zeros((0, n)), np.zeros_like(dq), -missing[own], own)[0]
-        dqd = self._projected(kernels, at, at.qd, np.zeros(change.shape[1]), np.vstack([dq, dqd, dp]))
+        arguments = {"t": at.t, "q": at.q, "qd": 0 * at.qd, "qdd": np.zeros(n), "lam": np.zeros(kernels.m), "p": at.p}
+        moved = kernels.jacobian(at.q, at.t, at.p) @ dq - np.outer(kernels.nu(at.q, at.t, at.p), time)
+        missing, holonomic = moved + kernels.dense_tangent("phi_p", **arguments) @ dp, kernels.holonomic
+        dq = dq + solved(kernels, at, np.zeros((0, n)), np.zeros_like(dq), -missing[holonomic], holonomic)[0]
+        dqd = self._projected(kernels, at, at.qd if qd is None else qd, time, np.vstack([dq, dqd, dp]))
         return np.vstack([dq, dqd, dp])

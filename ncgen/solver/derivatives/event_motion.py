@@ -53,14 +53,15 @@ class EventSensitivity:
 
     t: float
     name: str
-    what: str
+    transition: str
     t_by: np.ndarray
     q_by: np.ndarray
     before_by: np.ndarray
     after_by: np.ndarray
 
     def __repr__(self) -> str:
-        return f"<{f'{self.name} {self.what}'.strip()} at {self.t:.9g} s, moved by {np.max(np.abs(self.t_by), initial=0.0):.6g} at most>"
+        label = f"{self.name} {self.transition}".strip()
+        return f"<{label} at {self.t:.9g} s, moved by {np.max(np.abs(self.t_by), initial=0.0):.6g} at most>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ class _Part:
 
     motion: Smooth
     rows: np.ndarray
-    places: np.ndarray
+    positions: np.ndarray
     end: float
 
     @property
@@ -93,11 +94,11 @@ class _Part:
         n, columns = self.motion.kernels.n, self._independent
         return np.vstack([change[2 * n :], change[columns[0]], change[n + columns[1]]])
 
-    def weights(self, slopes: np.ndarray) -> np.ndarray:
+    def weights(self, derivatives: np.ndarray) -> np.ndarray:
         """Derivatives by [q; q̇; p] at its start, of those by parameters, z and rates."""
         n, count, (z, rates) = self.motion.kernels.n, len(self.motion.p), self._independent
         weights_at_start = np.zeros(2 * n + count)
-        weights_at_start[2 * n :], weights_at_start[z], weights_at_start[n + rates] = np.split(slopes, [count, count + len(z)])
+        weights_at_start[2 * n :], weights_at_start[z], weights_at_start[n + rates] = np.split(derivatives, [count, count + len(z)])
         return weights_at_start
 
     @property
@@ -114,15 +115,15 @@ class EventMotion:
 
     def __init__(
         self, kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, signals: Signals | None, make: MakeSmooth,
-        given: dict[str, Any],
+        arguments: dict[str, Any],
     ) -> None:  # fmt: skip
-        """make: makes the motion between two events; given: arguments of the simulation"""
+        """make: makes the motion between two events; arguments: of the simulation"""
         self.kernels, self.t, self.signals = kernels, times, signals
         laws = signals.laws if signals else ()
         first = len(kernels.p0) - len(laws)
         driven = [first + i for i, signal in enumerate(laws) if signal is not None]
         self._jacobians = EventJacobians(kernels.driven_by(signals), driven, float(times[-1] - times[0]))
-        passage = simulate_events(kernels, times, **given)
+        passage = simulate_events(kernels, times, **arguments)
         self.instants, begun = passage.instants, passage.begun
         assert begun is not None, "a run with events has begun"
         self._check()
@@ -130,7 +131,7 @@ class EventMotion:
         self.p, self.names, self._first = self._begun.p, self._begun.names, self._jacobians.begun(begun)
         self._parts = list(self._split(make, begun, replace(initial, p=begun.p), follows))
         self._through: list[EventJacobian] = [self._jacobians(o, self._approach(k)) for k, o in enumerate(self.instants)]
-        self.q, self.qd = (self._on_the_grid([rows(part.motion) for part in self._moving]) for rows in (lambda m: m.q, lambda m: m.qd))
+        self.q, self.qd = (self._on_the_grid([getattr(segment.motion, name) for segment in self._moving]) for name in ("q", "qd"))
 
     def _check(self) -> None:
         """Raise ModelError where events end the motion, or coincide."""
@@ -149,7 +150,7 @@ class EventMotion:
     @property
     def _moving(self) -> list[_Part]:
         """Parts in which time passes."""
-        return [part for part in self._parts if part is not None]
+        return [segment for segment in self._parts if segment is not None]
 
     def _split(self, make: MakeSmooth, start: State, initial: Initial, follows: bool) -> Iterator[_Part | None]:
         """The part before each of the instants, and the one after the last; None where no time passes. start: with which events begin"""
@@ -190,17 +191,17 @@ class EventMotion:
 
     def _approach(self, k: int) -> tuple[State, ...]:
         """Two states close to where a contact in space comes to rest at an instant; none for other instants."""
-        part, o = self._parts[k], self.instants[k]
-        if part is None or not self._jacobians.resting_in_space(o):
+        segment, o = self._parts[k], self.instants[k]
+        if segment is None or not self._jacobians.resting_in_space(o):
             return ()
-        motion = part.motion
+        motion = segment.motion
         return tuple(replace(o.before, t=float(motion.t[i]), q=motion.q[i], qd=motion.qd[i]) for i in (-2, -1))
 
     def _on_the_grid(self, of_parts: Sequence[np.ndarray]) -> np.ndarray:
         """Rows at the instants of the grid, of those of all parts."""
         on_grid = np.empty((len(self.t), *of_parts[0].shape[1:]))
-        for part, rows in zip(self._moving, of_parts, strict=True):
-            on_grid[part.rows] = rows[part.places]
+        for segment, rows in zip(self._moving, of_parts, strict=True):
+            on_grid[segment.rows] = rows[segment.positions]
         return on_grid
 
     # -- derivatives ---------------------------------------------------------------------------
@@ -208,8 +209,8 @@ class EventMotion:
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As of `TapedMotion`."""
         parts_along: list[tuple[np.ndarray, np.ndarray]] = []
-        for part, change in self._walk(directions):
-            if isinstance(part, _Part):
+        for segment, change in self._walk(directions):
+            if isinstance(segment, _Part):
                 parts_along.append(change)
         first, second = (self._on_the_grid([rows[i] for rows in parts_along]) for i in (0, 1))
         return first, second
@@ -227,7 +228,7 @@ class EventMotion:
                     EventSensitivity(
                         t=each.t,
                         name=each.name,
-                        what=each.what,
+                        transition=each.transition,
                         t_by=time,
                         q_by=before[:n],
                         before_by=before[n : 2 * n],
@@ -241,11 +242,11 @@ class EventMotion:
         n, count = self.kernels.n, len(self.p)
         dq, dqd = self._begun.along(directions)
         change = self._first @ np.vstack([dq[0], dqd[0], np.vstack([directions, np.zeros((count, directions.shape[1]))])[:count]])
-        for k, part in enumerate(self._parts):
-            if part is not None:
-                rows = part.motion.along(part.seeds(change))
-                yield part, rows
-                ends = (np.tensordot(part.last, changes[-2:], 1) for changes in rows)
+        for k, segment in enumerate(self._parts):
+            if segment is not None:
+                rows = segment.motion.along(segment.seeds(change))
+                yield segment, rows
+                ends = (np.tensordot(segment.last, changes[-2:], 1) for changes in rows)
                 change = np.vstack([*ends, change[2 * n :]])
             if k < len(self.instants):
                 yield self.instants[k], change
@@ -258,19 +259,19 @@ class EventMotion:
         for k in reversed(range(len(self._parts))):
             if k < len(self.instants):
                 weights = self._through[k].through.T @ weights
-            part = self._parts[k]
-            if part is None:
+            segment = self._parts[k]
+            if segment is None:
                 continue
-            own = np.zeros((2, len(part.motion.t), n))
-            own[:, -2:] = part.last[:, None] * weights[: 2 * n].reshape(2, 1, n)
-            own[0, part.places] += by_q[part.rows]
-            own[1, part.places] += by_qd[part.rows]
-            slopes, felt = part.motion.backward(own[0], own[1], names)
-            more, driven = part.weights(slopes), [felt, *driven]
+            by_state = np.zeros((2, len(segment.motion.t), n))
+            by_state[:, -2:] = segment.last[:, None] * weights[: 2 * n].reshape(2, 1, n)
+            by_state[0, segment.positions] += by_q[segment.rows]
+            by_state[1, segment.positions] += by_qd[segment.rows]
+            derivatives, felt = segment.motion.backward(by_state[0], by_state[1], names)
+            more, driven = segment.weights(derivatives), [felt, *driven]
             more[2 * n :] += weights[2 * n :]
             weights = more
-        own, weights = np.zeros((2, len(self._begun.t), n)), self._first.T @ weights
-        own[0, 0], own[1, 0] = weights[:n], weights[n : 2 * n]
-        slopes, _ = self._begun.backward(own[0], own[1], names)
-        slopes[: len(self.p)] += weights[2 * n :]
-        return slopes, Driven.joined(driven)
+        by_state, weights = np.zeros((2, len(self._begun.t), n)), self._first.T @ weights
+        by_state[0, 0], by_state[1, 0] = weights[:n], weights[n : 2 * n]
+        derivatives, _ = self._begun.backward(by_state[0], by_state[1], names)
+        derivatives[: len(self.p)] += weights[2 * n :]
+        return derivatives, Driven.joined(driven)

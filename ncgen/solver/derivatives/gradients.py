@@ -24,15 +24,15 @@ from ncgen.solver.runs.progress_reports import ProgressOption, check_progress, r
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BatchGradients:
-    """Values (B,) of an objective and its derivatives, slopes (B, columns), in the order of `names`: parameters, `z` and `rate(z)` of the
+    """Values (B,) of an objective and its derivatives (B, columns), in the order of `names`: parameters, `z` and `rate(z)` of the
     independent coordinates.
 
-    status (B,): "ok", or a sentence that says why a state has no gradient; its value and slopes are NaN
+    status (B,): "ok", or a sentence that says why a state has no gradient; its value and derivatives are NaN
     alone (B,): states that had a run of their own, since they come to where the motion in lanes does not do
     """
 
     values: np.ndarray
-    slopes: np.ndarray
+    derivatives: np.ndarray
     names: tuple[str, ...]
     status: tuple[str, ...]
     alone: np.ndarray
@@ -65,7 +65,7 @@ class BatchGradients:
         """
         if name not in self.names:
             raise ModelError(f"there is no derivative by {name!r}; there are {shortened(', '.join(self.names), MAX_ECHO)}")
-        return self.slopes[:, self.names.index(name)]
+        return self.derivatives[:, self.names.index(name)]
 
 
 @overload
@@ -160,8 +160,8 @@ def gradient_batch(
     """Compute the gradients of a batch; arguments, results and errors as of `gradient` with rows."""
     checked_kernels(kernels)
     check_objective(objective)
-    given: dict[str, Any] = {**arguments}
-    batch = taped_batch(kernels, duration, steps, threads=threads, **given)
+    keywords: dict[str, Any] = {**arguments}
+    batch = taped_batch(kernels, duration, steps, threads=threads, **keywords)
     names = batch.names if by is None else names_of(by, "by", batch.names, "parameter or initial value")
     values, one_at_a_time = np.full(len(batch.states.q), np.nan), Lock()
 
@@ -176,8 +176,8 @@ def gradient_batch(
     with reporting(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as advance:
         swept = batch.sweep(weigh, advance)
     values[[status != "ok" for status in swept.status]] = np.nan
-    slopes = swept.slopes if by is None else swept.slopes[:, [batch.names.index(name) for name in names]]
-    return BatchGradients(values=values, slopes=slopes, names=names, status=tuple(swept.status), alone=swept.alone)
+    derivatives = swept.derivatives if by is None else swept.derivatives[:, [batch.names.index(name) for name in names]]
+    return BatchGradients(values=values, derivatives=derivatives, names=names, status=tuple(swept.status), alone=swept.alone)
 
 
 def taped_batch(
@@ -198,7 +198,7 @@ def taped_batch(
     t, names = finite(t0, "t0"), names_of(z, "z", kernels.coordinates)
     refuse_events(kernels.model, "gradient of rows")
     is_taped(kernels, integrator)
-    states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
+    states = States.of(kernels, None, assembled=True, q0=q0, zd0=zd0, p=p, t0=t, z=names)
     return TapedBatch(
         kernels=kernels, states=states, times=t + since_start, method=integrator, follows=q0 is None, threads=checked_threads(threads)
     )

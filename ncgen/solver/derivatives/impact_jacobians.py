@@ -85,15 +85,15 @@ class ImpactJacobians:
         responses = response(mode, at, W)
         gaps = [self._gap(k, blow, values) for k, blow in zip(done.events, blows, strict=True)]
         rows = _Rows(W=W, responses=responses, G=W @ responses, u=W @ at.qd + drift, gaps=gaps)
-        places = [place for k in done.events for place in self._tangents.places(k)]
+        positions = [position for k in done.events for position in self._tangents.places(k)]
         pushed, by_velocity = _Pushed(np.zeros(len(W)), np.zeros((len(W), len(time)))), np.zeros((len(at.q), len(time)))
         for total in _phases(rows, impulses_to(mode, at, done.after.qd, W)[1]):
             after, push = at.qd + responses @ total, np.zeros(self._tangents.row_count)
-            push[places] = total
+            push[positions] = total
             jacobians = self._tangents.impact(mode, at, after, reactions(mode, at, after, W.T @ total), push)
             balance, constraints, before_by, after_by = (along(each, time, change) for each in jacobians)
             x, _ = solved(mode, at, nothing, -balance, -constraints)
-            matrix, right = _laws(rows, pushed, total, before_by[places], after_by[places] + W @ x, (mode, at.t))
+            matrix, right = _laws(rows, pushed, total, before_by[positions], after_by[positions] + W @ x, (mode, at.t))
             pushed = _Pushed(total, np.linalg.lstsq(matrix, right, rcond=None)[0])
             by_velocity = x + responses @ pushed.by
         return by_velocity

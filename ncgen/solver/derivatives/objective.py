@@ -33,6 +33,6 @@ def of_objective(objective: Callable[..., Any], q: np.ndarray, qd: np.ndarray, *
     return (float(value.item()), by_q, by_qd, *returned[3:])
 
 
-def filled(array: np.ndarray | None, like: np.ndarray, what: str) -> np.ndarray:
+def filled(array: np.ndarray | None, like: np.ndarray, label: str) -> np.ndarray:
     """Derivatives of an objective, where None stands for 0. Raises ModelError for another shape, and for what is not finite."""
-    return np.zeros_like(like) if array is None else array_of(array, like.shape, f"objective: {what}")
+    return np.zeros_like(like) if array is None else array_of(array, like.shape, f"objective: {label}")

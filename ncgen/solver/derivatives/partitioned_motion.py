@@ -1,10 +1,7 @@
 """A motion on independent coordinates with its derivatives, in Python: for kernels of NumPy, and where no motion is emitted.
 
 The motion is the classical Runge-Kutta method's, y = [ż; z], or the trapezoidal rule's, and what is differentiated is that very
-computation, through the solution of the position problem by the implicit function theorem:
-
-    dq = R dz − S Φ_p dp          dq̇ = R dż − S (½ Φ̈_q̇ dq + Φ̇_p dp)
-    [M Φ_qᵀ; Φ_q 0] [dq̈; dλ] = −[K dq + C dq̇ + b_p dp; Φ̈_q dq + Φ̈_q̇ dq̇ + Φ̈_p dp]
+computation, stage by stage (`partitioned_stage`).
 """
 
 from __future__ import annotations
@@ -14,7 +11,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
@@ -23,18 +19,17 @@ from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.derivatives.jumps import Jumps, Stepping
+from ncgen.solver.derivatives.partitioned_stage import PartitionedStage
 from ncgen.solver.finite import watched
-from ncgen.solver.formalisms.coordinate_partitioning import StepStart, dependent_position, motion_at
+from ncgen.solver.formalisms.coordinate_partitioning import StepStart
 from ncgen.solver.given import refuse_callbacks
-from ncgen.solver.positions.partition import Kinematics, determined, kinematics, quality
+from ncgen.solver.positions.partition import determined, quality
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.start import begin
 
 NODES, WEIGHTS = (tuple(map(float, numbers)) for numbers in zip(*INTEGRATORS["rk4"].coefficients.successive))
 """The classical Runge-Kutta method: k_i = f(t + c_i h, y + c_i h k_{i−1}), y + h Σ w_i k_i."""
-
-TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "phidd_p", "balance_p")
 
 MAX_RESIDUAL = 1e-8
 """What a step of a run may leave of the rule's equations: what Newton's method leaves of them, times a stiff slope."""
@@ -72,7 +67,7 @@ class PartitionedMotion:
         self.q0 = begun.q
         self._q: list[np.ndarray] = []
         self._qd: list[np.ndarray] = []
-        self._history: list[list[_Stage]] | None = None
+        self._history: list[list[PartitionedStage]] | None = None
 
     @property
     def q(self) -> np.ndarray:
@@ -114,7 +109,7 @@ class PartitionedMotion:
         return np.array(self._q), np.array(self._qd)
 
     @property
-    def _stages(self) -> list[list[_Stage]]:
+    def _stages(self) -> list[list[PartitionedStage]]:
         """Those of every step, found once."""
         if self._history is None:
             self._history = list(self._steps())
@@ -125,13 +120,13 @@ class PartitionedMotion:
         dy, dp = self._checked(directions)
         q_by, qd_by = [], []
         for k, (stages, h) in enumerate(zip(self._stages, np.diff(self._ends), strict=True)):
-            slopes, total = np.zeros_like(dy), np.zeros_like(dy)
+            derivatives, total = np.zeros_like(dy), np.zeros_like(dy)
             _, *changes_at_start = stages[0].forward(dy, dp) if k in self._jumps else (None,)
             dy = self._across(k, dy, dp)
             for stage, node, weight in zip(stages, NODES, WEIGHTS, strict=True):
-                slopes, *changes = stage.forward(dy + node * h * slopes, dp)
+                derivatives, *changes = stage.forward(dy + node * h * derivatives, dp)
                 changes_at_start = changes_at_start or changes
-                total += weight * slopes
+                total += weight * derivatives
             q_by.append(changes_at_start[0])
             qd_by.append(changes_at_start[1])
             dy = dy + h * total
@@ -191,32 +186,35 @@ class PartitionedMotion:
         z, zd = adjoint[self.nz :], adjoint[: self.nz]
         return np.concatenate([p_bar + self.z_by_p.T @ z, z, zd])
 
-    def _steps(self) -> Iterator[list[_Stage]]:
+    def _steps(self) -> Iterator[list[PartitionedStage]]:
         """The four stages of every step; `_last` is the instant at the end."""
         y, guess = self.y0, StepStart(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         for t, h in zip(self._ends, np.diff(self._ends), strict=False):
-            stages, slope = [], np.zeros_like(y)
+            stages, derivative = [], np.zeros_like(y)
             for node in NODES:
-                stage = _Stage(self, guess, t + node * h, y + node * h * slope, self._present(t, t + node * h))
+                stage = self._stage_at(guess, t + node * h, y + node * h * derivative, self._present(t, t + node * h))
                 stages.append(stage)
-                slope = stage.slope
+                derivative = stage.slope
             self._keep(stages[0])
             guess = StepStart(t, stages[0].q, stages[0].qd, self.p)
             y = y + h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
             yield stages
-        self._last = _Stage(self, guess, self._ends[-1], y, self._present(self._ends[-1], self._ends[-1]))
+        self._last = self._stage_at(guess, self._ends[-1], y, self._present(self._ends[-1], self._ends[-1]))
         self._keep(self._last)
+
+    def _stage_at(self, guess: StepStart, t: float, y: np.ndarray, p: np.ndarray) -> PartitionedStage:
+        return PartitionedStage(self.kernels, self.partition, guess, t, y, p)
 
     def _present(self, begun: float, t: float) -> np.ndarray:
         """p with the inputs of a time inside a step that began at another one."""
         return self.signals.begun_at(begun)(t, self.p) if self.signals else self.p
 
-    def _keep(self, stage: _Stage) -> None:
+    def _keep(self, stage: PartitionedStage) -> None:
         self._check_quality(stage)
         self._q.append(stage.q)
         self._qd.append(stage.qd)
 
-    def _check_quality(self, stage: _Stage) -> None:
+    def _check_quality(self, stage: PartitionedStage) -> None:
         if quality(self.kernels, self.partition, stage.q, stage.t, self.p) < MIN_QUALITY:
             names = ", ".join(self.partition.names(self.kernels))
             raise ModelError(
@@ -237,12 +235,12 @@ class TrapezoidalMotion(PartitionedMotion):
         self._run_q, self._run_qd = self._split.spread(run_of_steps.q), self._split.spread(run_of_steps.qd)
 
     @cached_property
-    def _steps_of_run(self) -> list[tuple[_Stage, _Stage] | None]:
+    def _steps_of_run(self) -> list[tuple[PartitionedStage, PartitionedStage] | None]:
         """The first and last stage of every step, None where a jump is crossed.
 
         Raises ModelError where the run was on other coordinates.
         """
-        stages_of_steps, last = list[tuple[_Stage, _Stage] | None](), None
+        stages_of_steps, last = list[tuple[PartitionedStage, PartitionedStage] | None](), None
         guess = StepStart(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         for k, (t, end) in enumerate(pairwise(self._ends.tolist())):
             if self._split.is_crossed[k]:
@@ -255,14 +253,14 @@ class TrapezoidalMotion(PartitionedMotion):
             stages_of_steps.append((first, last))
         return stages_of_steps
 
-    def _stage(self, guess: StepStart, k: int, begun: float, t: float) -> _Stage:
+    def _stage(self, guess: StepStart, k: int, begun: float, t: float) -> PartitionedStage:
         """That of the run at an end of a step which began at a time (s)."""
         independent, q, qd = self.partition.independent, self._run_q[k], self._run_qd[k]
-        stage = _Stage(self, guess, t, np.concatenate([qd[independent], q[independent]]), self._present(begun, t))
+        stage = self._stage_at(guess, t, np.concatenate([qd[independent], q[independent]]), self._present(begun, t))
         self._check_quality(stage)
         return stage
 
-    def _check_step(self, before: _Stage, after: _Stage, h: float) -> None:
+    def _check_step(self, before: PartitionedStage, after: PartitionedStage, h: float) -> None:
         if not np.allclose(after.y, before.y + h / 2 * (before.slope + after.slope), rtol=0, atol=MAX_RESIDUAL):
             names = ", ".join(self.partition.names(self.kernels))
             raise ModelError(
@@ -277,7 +275,7 @@ class TrapezoidalMotion(PartitionedMotion):
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         dy, dp = self._checked(directions)
         still, before = np.zeros_like(dy), None
-        slope = still
+        derivative = still
         changes_at: dict[int, list[np.ndarray]] = {}
         for k, (step, h) in enumerate(zip(self._steps_of_run, np.diff(self._ends), strict=True)):
             if step is None:
@@ -285,11 +283,11 @@ class TrapezoidalMotion(PartitionedMotion):
                 continue
             first, last = step
             if first is not before:
-                slope, *changes = first.forward(dy, dp)
+                derivative, *changes = first.forward(dy, dp)
                 changes_at.setdefault(k, changes)
-            right = dy + h / 2 * (slope + last.forward(still, dp)[0])
+            right = dy + h / 2 * (derivative + last.forward(still, dp)[0])
             dy, before = np.linalg.solve(self._matrix(last, h), right), last
-            slope, *changes_at[k + 1] = last.forward(dy, dp)
+            derivative, *changes_at[k + 1] = last.forward(dy, dp)
         rows = [changes_at[k] for k in self._seen.tolist()]
         return np.array([dq for dq, _ in rows]), np.array([dqd for _, dqd in rows])
 
@@ -317,83 +315,10 @@ class TrapezoidalMotion(PartitionedMotion):
         self.jumps.check(by)
         return self._by_columns(adjoint, p_bar), driven
 
-    def _matrix(self, stage: _Stage, h: float) -> np.ndarray:
+    def _matrix(self, stage: PartitionedStage, h: float) -> np.ndarray:
         """1 − h/2 J."""
         every = np.eye(2 * self.nz)
         return every - h / 2 * stage.forward(every, np.zeros((len(self.p), 2 * self.nz)))[0]
-
-
-class _Stage:
-    """The state derivative at one instant, f(y) = [z̈; ż], with what its derivative needs: that from `_linearise` on."""
-
-    frame: Kinematics
-    mass: np.ndarray
-    reduced: tuple[np.ndarray, bool] | None
-    stiffness: np.ndarray
-    damping: np.ndarray
-    phidd_q: np.ndarray
-    phidd_qd: np.ndarray
-    phi_p: np.ndarray
-    phid_p: np.ndarray
-    phidd_p: np.ndarray
-    balance_p: np.ndarray
-
-    def __init__(self, motion: PartitionedMotion, guess: StepStart, t: float, y: np.ndarray, p: np.ndarray) -> None:
-        kernels, partition, nz = motion.kernels, motion.partition, motion.nz
-        self.kernels, self.partition, self.nz, self.t, self.p = kernels, partition, nz, t, p
-        self.y = y
-        self.q, _ = dependent_position(kernels, partition, guess, t, y[nz:])
-        now = motion_at(kernels, partition, t, self.q, y[:nz], p)
-        self.qd, self.qdd, self.lam = now.qd, now.qdd, now.lam
-        self.slope = np.concatenate([now.qdd[partition.independent], y[:nz]])
-
-    def _linearise(self) -> None:
-        """The factors and the tangents, when they are first needed."""
-        if hasattr(self, "frame"):
-            return
-        kernels, q, qd, qdd, t, p = self.kernels, self.q, self.qd, self.qdd, self.t, self.p
-        self.frame = kinematics(kernels, self.partition, q, t, p)
-        self.mass = kernels.mass_matrix(q, t, p)
-        R = self.frame.R
-        self.reduced = cho_factor(R.T @ self.mass @ R) if self.nz else None
-        given = {"t": t, "q": q, "qd": qd, "qdd": qdd, "lam": self.lam, "p": p}
-        for name in TANGENTS:
-            setattr(self, name, kernels.dense_tangent(name, **given))
-        if friction := ReactiveForce.only(kernels.model.callbacks):
-            by_q, by_qd, by_p = np.split(friction.jacobian(t, q, qd, p), [len(q), 2 * len(q)], axis=1)
-            self.stiffness, self.damping, self.balance_p = self.stiffness - by_q, self.damping - by_qd, self.balance_p - by_p
-
-    def forward(self, dy: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(df, dq, dq̇) along directions dy (2 nz, columns) and dp (parameters, columns)."""
-        self._linearise()
-        R, nz = self.frame.R, self.nz
-        dq = R @ dy[nz:] - self._particular(self.phi_p @ dp)
-        dqd = R @ dy[:nz] - self._particular(0.5 * (self.phidd_qd @ dq) + self.phid_p @ dp)
-        force = -(self.stiffness @ dq + self.damping @ dqd + self.balance_p @ dp)
-        bias = -self._particular(self.phidd_q @ dq + self.phidd_qd @ dqd + self.phidd_p @ dp)
-        dzdd = self._reduced(R.T @ (force - self.mass @ bias))
-        return np.vstack([dzdd, dy[:nz]]), dq, dqd
-
-    def backward(self, f_bar: np.ndarray, q_bar: np.ndarray, qd_bar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(ȳ, p̄) of adjoints of f, of q and of q̇: the transpose of `forward`."""
-        self._linearise()
-        R, nz, rows = self.frame.R, self.nz, self.kernels.m
-        force_bar = R @ self._reduced(f_bar[:nz])
-        balance = -self.mass @ force_bar
-        rows_bar = self.frame.multipliers(balance, rows)
-        q_bar = q_bar - self.stiffness.T @ force_bar - self.phidd_q.T @ rows_bar
-        qd_bar = qd_bar - self.damping.T @ force_bar - self.phidd_qd.T @ rows_bar
-        p_bar = -(self.balance_p.T @ force_bar) - self.phidd_p.T @ rows_bar
-        rates_bar = self.frame.multipliers(qd_bar, rows)
-        q_bar = q_bar - 0.5 * (self.phidd_qd.T @ rates_bar)
-        p_bar = p_bar - self.phid_p.T @ rates_bar - self.phi_p.T @ self.frame.multipliers(q_bar, rows)
-        return np.concatenate([R.T @ qd_bar + f_bar[nz:], R.T @ q_bar]), p_bar
-
-    def _particular(self, right: np.ndarray) -> np.ndarray:
-        return np.array([self.frame.particular(column) for column in right.T]).T.reshape(len(self.q), right.shape[1])
-
-    def _reduced(self, right: np.ndarray) -> np.ndarray:
-        return right if self.reduced is None else cho_solve(self.reduced, right)
 
 
 def _check(kernels: Kernels) -> None:

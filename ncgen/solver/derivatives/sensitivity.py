@@ -7,7 +7,7 @@ whatever the number of parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeAlias, Unpack
@@ -18,6 +18,7 @@ from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
+from ncgen.program.motions import step_equations
 from ncgen.solver.derivatives.event_motion import FINE, EventMotion, EventSensitivity
 from ncgen.solver.derivatives.objective import check_objective, filled, of_objective
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
@@ -60,16 +61,16 @@ class Sensitivities:
 class Gradient:
     """The value of an objective and its derivatives by name: parameters, `z` and `rate(z)` of the independent coordinates.
 
-    Of an input that changes with time slopes say what adding one number to it at all times does; by_inputs {name: (samples,)} says it of
-    every value of those that are tables.
+    Of an input that changes with time, derivatives say what adding one number to it at all times does; by_inputs {name: (samples,)}
+    says it of every value of those that are tables.
     """
 
     value: float
-    slopes: dict[str, float]
+    derivatives: dict[str, float]
     by_inputs: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.slopes), MAX_ECHO)}>"
+        return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.derivatives), MAX_ECHO)}>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +79,7 @@ class Hessian:
     of `names`. Along all of them one by one this is the Hessian."""
 
     value: float
-    slopes: dict[str, float]
+    derivatives: dict[str, float]
     products: np.ndarray
     names: tuple[str, ...]
 
@@ -149,9 +150,9 @@ def gradient_one(
     motion = motion_of(kernels, duration, steps, **arguments)
     names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
     value, by_q, by_qd = of_objective(objective, motion.q, motion.qd)
-    slopes, driven = motion.backward(by_q, by_qd, names)
+    derivatives, driven = motion.backward(by_q, by_qd, names)
     by_inputs = motion.signals.by_values(driven.t, driven.begun, driven.values) if motion.signals else {}
-    return Gradient(value, {name: float(slopes[motion.names.index(name)]) for name in names}, by_inputs)
+    return Gradient(value, {name: float(derivatives[motion.names.index(name)]) for name in names}, by_inputs)
 
 
 @takes(MotionArguments, unused=(*NOT_DIFFERENTIATED, "options"), integrator="rk4", rtol=None)
@@ -238,13 +239,14 @@ def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "
     initial = Initial.from_arguments(kernels, **start)
     times, follows, signals = initial.t + since_start, start.get("q0") is None, signals_of(kernels, inputs, initial.p)
     if not entry.tableau:
-        return _implicit_motion(kernels, initial, times, follows, entry, options, inputs, start)
+        method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
+        return _implicit_motion(kernels, initial, times, follows, method, signals, {"options": options, "inputs": inputs, **start})
     if values_by_name(options, "options"):
         raise ModelError(f"options: {integrator} has none")
     make = partial(motion_from, integrator=integrator, tolerances=tolerances, signals=signals)
     if has_events(kernels.model):
-        given = start | ({"inputs": inputs} if inputs is not None else {}) | {"rtol": FINE if rtol is None else min(rtol, FINE)}
-        return EventMotion(kernels, initial, times, follows, signals, make, given)
+        simulation = start | ({"inputs": inputs} if inputs is not None else {}) | {"rtol": FINE if rtol is None else min(rtol, FINE)}
+        return EventMotion(kernels, initial, times, follows, signals, make, simulation)
     return make(kernels, initial, times, follows)
 
 
@@ -281,7 +283,11 @@ def is_taped(kernels: Kernels, integrator: str) -> bool:
 
 def _differentiable(integrator: str, twice: bool = False) -> Integrator:
     """The entry of a method whose steps have derivatives, or second ones. Raises ModelError."""
-    known = {name: entry for name, entry in INTEGRATORS.items() if entry.tableau or (entry.has_fixed_step and not twice)}
+    known = {
+        name: entry
+        for name, entry in INTEGRATORS.items()
+        if entry.tableau or (entry.has_fixed_step and not twice and (entry.is_ordinary or name in step_equations.METHODS))
+    }
     if not isinstance(integrator, str):
         raise ModelError(f"integrator: {echo(integrator)} given; give a name, one of {', '.join(known)}")
     if integrator in known:
@@ -289,22 +295,19 @@ def _differentiable(integrator: str, twice: bool = False) -> Integrator:
     why = ""
     if integrator in INTEGRATORS and not INTEGRATORS[integrator].has_fixed_step:
         why = f"; {integrator} ends its iterations at the tolerance, so that its steps solve no equations that could be differentiated"
-    what = "second derivatives" if twice else "derivatives"
-    raise ModelError(f"integrator: {integrator!r} given; {what} go through steps of {', '.join(known)}{why}")
+    subject = "second derivatives" if twice else "derivatives"
+    raise ModelError(f"integrator: {integrator!r} given; {subject} go through steps of {', '.join(known)}{why}")
 
 
 def _implicit_motion(
-    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, entry: Integrator, options: dict[str, Any] | None,
-    inputs: Mapping[str, Any] | None, start: dict[str, Any],
+    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, method: Method, signals: Signals | None,
+    arguments: dict[str, Any],
 ) -> SteppedMotion | TrapezoidalMotion:  # fmt: skip
-    """By steps of `simulate`."""
-    signals = signals_of(kernels, inputs, initial.p)
-    method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
+    """By steps of `simulate`; arguments: of it, besides the method."""
 
     def run(ends: np.ndarray, breaks: np.ndarray) -> Trajectory:
-        arguments = {"formalism": method.formalism.name, "integrator": entry.name, "options": options, "inputs": inputs, **start}
-        return simulate_steps(kernels, ends, breaks, **arguments)
+        return simulate_steps(kernels, ends, breaks, formalism=method.formalism.name, integrator=method.integrator.name, **arguments)
 
-    if entry.is_ordinary:
+    if method.integrator.is_ordinary:
         return TrapezoidalMotion(kernels, initial, times, follows, run, signals)
     return SteppedMotion(kernels, initial, times, follows, run, method, signals)

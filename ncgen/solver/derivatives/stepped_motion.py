@@ -86,9 +86,9 @@ class _Equations:
         self.own = np.flatnonzero(used)
         rows, columns = (np.append(used, np.ones(size - layout.unknowns, dtype=bool)) for size in made.pattern.shape)
         self._shape = int(rows.sum()), int(columns.sum())
-        place = np.divmod(made.pattern.flat, made.pattern.shape[1])
-        self._there = np.flatnonzero(rows[place[0]] & columns[place[1]]) + layout.unknowns
-        row, column = (np.cumsum(some)[at] - 1 for some, at in zip((rows, columns), place, strict=True))
+        entries = np.divmod(made.pattern.flat, made.pattern.shape[1])
+        self._there = np.flatnonzero(rows[entries[0]] & columns[entries[1]]) + layout.unknowns
+        row, column = (np.cumsum(some)[at] - 1 for some, at in zip((rows, columns), entries, strict=True))
         self._flat = (row * self._shape[1] + column)[self._there - layout.unknowns]
 
     def linear(self, t: float, *arrays: np.ndarray) -> _Linear:
@@ -127,7 +127,7 @@ class SteppedMotion:
         # A table's piece is that of the step's start.
         self._looks_back = len(self.jumps.rows) > 0 or not steps.engine.startswith("python")
         self._partitions, self._follows = determined(begun.partitions), start_follows
-        z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
+        z, rates = (partition.names(kernels) for partition in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
 
     @property
@@ -312,25 +312,25 @@ class SteppedMotion:
     def _start(self) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of q and q̇ at the start, (n, columns) each."""
         kernels, t, q, qd, p = self.kernels, float(self._ends.t[0]), self._q[0], self._qd[0], self.p
-        place, rate = (kinematics(kernels, part, q, t, p) for part in (self._partitions.position, self._partitions.velocity))
-        count, nz = len(p), place.R.shape[1]
-        given = {"t": t, "q": q, "qd": qd, "p": p}
+        position, rate = (kinematics(kernels, partition, q, t, p) for partition in (self._partitions.position, self._partitions.velocity))
+        count, nz = len(p), position.R.shape[1]
+        arguments = {"t": t, "q": q, "qd": qd, "p": p}
         dz = np.eye(nz, len(self.names), count)
         if self._follows:
             dz[:, :count] = kernels.start_p(p)[self._partitions.position.independent]
-        q_by = place.R @ dz
-        q_by[:, :count] -= _columns(place.particular, kernels.dense_tangent("phi_p", **given), kernels.n)
+        q_by = position.R @ dz
+        q_by[:, :count] -= _columns(position.particular, kernels.dense_tangent("phi_p", **arguments), kernels.n)
         now = motion_at(kernels, self._partitions.velocity, t, q, qd[self._partitions.velocity.independent], p)
         off = rate_slope(kernels, now, p) @ q_by
-        off[:, :count] += kernels.dense_tangent("phid_p", **given)
+        off[:, :count] += kernels.dense_tangent("phid_p", **arguments)
         qd_by = rate.R @ np.eye(rate.R.shape[1], len(self.names), count + nz) - _columns(rate.particular, off, kernels.n)
         return q_by, qd_by
 
 
-def _parted(slopes: np.ndarray, driven: tuple[int, ...], parameters: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _parted(derivatives: np.ndarray, driven: tuple[int, ...], parameters: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Slopes by a state, by inputs at all instants of a step and by parameters."""
     size = int(np.prod(driven))
-    state, inputs, by_p = np.split(slopes, [len(slopes) - parameters - size, len(slopes) - parameters])
+    state, inputs, by_p = np.split(derivatives, [len(derivatives) - parameters - size, len(derivatives) - parameters])
     return state, inputs.reshape(driven), by_p
 
 

@@ -41,10 +41,10 @@ Rows: TypeAlias = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Swept:
-    """slopes (B, columns): derivatives of a number of each state, NaN where there are none; status (B,): "ok", or why; alone (B,): states
+    """derivatives (B, columns): of a number of each state, NaN where there are none; status (B,): "ok", or why; alone (B,): states
     with a run of their own."""
 
-    slopes: np.ndarray
+    derivatives: np.ndarray
     status: list[str]
     alone: np.ndarray
 
@@ -112,7 +112,7 @@ class TapedBatch:
         """
         count, request = len(self.states.q), _Asked(weigh, rows)
         swept = Swept(np.full((count, len(self.names)), np.nan), [INTERRUPTED] * count, np.ones(count, dtype=bool))
-        report = progress or (lambda share: None)
+        report = progress or (lambda fraction: None)
         if self._motions:
             self._motions.prepare(back=weigh is not None)
             self._in_lanes(self._motions, request, swept, report)
@@ -121,7 +121,7 @@ class TapedBatch:
             request.no_rows(i)
         left = np.flatnonzero(swept.alone).tolist()
         for k, i in enumerate(left):
-            swept.status[i] = self._alone(i, request, swept.slopes)
+            swept.status[i] = self._alone(i, request, swept.derivatives)
             report(1.0 - (len(left) - k - 1) / count)
         return swept
 
@@ -131,32 +131,32 @@ class TapedBatch:
         fair = -(-total // (threads * motions.lanes)) * motions.lanes
         size, done = min(fair, motions.part(request.weigh is not None)), 0
         parts = [slice(first, min(first + size, total)) for first in range(0, total, size)]
-        for part in side_by_side(lambda part: self._part(motions, part, request, swept), parts, min(threads, len(parts))):
-            done += part.stop - part.start
+        for selection in side_by_side(lambda selection: self._part(motions, selection, request, swept), parts, min(threads, len(parts))):
+            done += selection.stop - selection.start
             report(done / total)
 
-    def _part(self, motions: Motions, part: slice, request: _Asked, swept: Swept) -> slice:
+    def _part(self, motions: Motions, selection: slice, request: _Asked, swept: Swept) -> slice:
         """Some states in lanes; those that have been run are not left to run alone."""
         kernels, states, partitions, t = self.kernels, self.states, self.choice.partitions, float(self.times[0])
-        q, zd, p = states.q[part], states.zd[part], states.p[part]
+        q, zd, p = states.q[selection], states.zd[selection], states.p[selection]
         nu = kernels.batch.nu(q, t, p)
         try:
             velocities, driven = kinematics_of_many(kernels, partitions.velocity, q, t, p, nu)
             same = partitions.position is partitions.velocity
             positions = velocities if same else kinematics_of_many(kernels, partitions.position, q, t, p, nu)[0]
         except np.linalg.LinAlgError:
-            return part
+            return selection
         with np.errstate(invalid="ignore", over="ignore"):  # a state that is no number is reported by its run
             qd = (velocities @ zd[:, :, None])[:, :, 0] + driven
-        runs = motions.run(q, qd, p, request.weigh is not None, request.of(part))
-        fine = part.start + np.flatnonzero(~runs.other)
+        runs = motions.run(q, qd, p, request.weigh is not None, request.of(selection))
+        fine = selection.start + np.flatnonzero(~runs.other)
         if request.weigh is not None and len(fine):
             frames = StartFrames(positions, velocities, kernels.start_p(p) if self.follows else None)
-            swept.slopes[fine] = self._back(runs, frames, request.weigh, fine, part.start)
+            swept.derivatives[fine] = self._back(runs, frames, request.weigh, fine, selection.start)
         swept.alone[fine] = False
         for i in fine.tolist():
             swept.status[i] = "ok"
-        return part
+        return selection
 
     def _back(self, runs: LaneRuns, frames: StartFrames, weigh: Weighed, fine: np.ndarray, first: int) -> np.ndarray:
         """Derivatives (fine, columns) of the states that have been run, of which the first of the part is number `first`."""
@@ -164,13 +164,13 @@ class TapedBatch:
             selected, weights = slice(None), weigh(fine, runs.q, runs.qd)
         else:
             selected, weights = fine - first, (np.zeros_like(runs.q), np.zeros_like(runs.q))
-            for all_of_them, given in zip(weights, weigh(fine, runs.q[selected], runs.qd[selected]), strict=True):
-                all_of_them[selected] = given
+            for all_of_them, computed in zip(weights, weigh(fine, runs.q[selected], runs.qd[selected]), strict=True):
+                all_of_them[selected] = computed
         at_start, at_start_qd, by_p = runs.backward(*weights)
         by_start, *by_state = start_back(runs, self.choice.partitions, frames, np.hstack([at_start, at_start_qd]))
         return np.hstack([by_p + by_start, *by_state])[selected]
 
-    def _alone(self, i: int, request: _Asked, slopes: np.ndarray) -> str:
+    def _alone(self, i: int, request: _Asked, derivatives: np.ndarray) -> str:
         """A run of a state's own; its status."""
         request.no_rows(i)
         try:
@@ -186,7 +186,7 @@ class TapedBatch:
         if request.weigh is not None:
             by_q, by_qd = request.weigh(np.array([i]), q[None], qd[None])
             try:
-                slopes[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])[0]
+                derivatives[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])[0]
             except NcgenError as error:
                 return str(error)
         return "ok"

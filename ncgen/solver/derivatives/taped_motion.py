@@ -112,7 +112,7 @@ class TapedMotion:
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self.t, self.signals = kernels, begun.p, times, signals
         self._partitions, self._begun, self._follows = determined(begun.partitions), begun, start_follows
-        z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
+        z, rates = (partition.names(kernels) for partition in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
         allowed = tolerances.in_c(kernels.column_sizes, kernels.column_sizes) if tolerances else None
         rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
@@ -120,9 +120,9 @@ class TapedMotion:
         start = begun.q, begun.qd, begun.p
         functions = signals.functions if signals else ()
         self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
-        given = {"rank": rank, "tolerance": closeness("double"), "inputs": functions, "breaks": self.jumps.rows}
+        options = {"rank": rank, "tolerance": closeness("double"), "inputs": functions, "breaks": self.jumps.rows}
         jumping = self.jumps if self.jumps.breaks.moved else None
-        self._run = taped(dynamics, method, outside_breaks(self.jumps.rows, times), *start, allowed, jumps=jumping, **given)
+        self._run = taped(dynamics, method, outside_breaks(self.jumps.rows, times), *start, allowed, jumps=jumping, **options)
         self._check()
 
     @property
@@ -142,11 +142,11 @@ class TapedMotion:
     def _seeds(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Changes of q and q̇ at the start, (n, D) each, and of p, (n_p, D), along directions."""
         position, velocity = self._partitions.position.independent, self._partitions.velocity.independent
-        given = np.zeros((len(self.names), directions.shape[1]))
-        given[: len(directions)] = directions
-        dp, dz, rates = np.split(given, [len(self.p), len(self.p) + len(position)])
+        padded = np.zeros((len(self.names), directions.shape[1]))
+        padded[: len(directions)] = directions
+        dp, dz, rates = np.split(padded, [len(self.p), len(self.p) + len(position)])
         dq = dqd = np.zeros((self.kernels.n, dp.shape[1]))
-        if not (self._start_reads_parameters or np.any(given[len(self.p) :])):
+        if not (self._start_reads_parameters or np.any(padded[len(self.p) :])):
             return dq, dqd, dp
         start = self._start
         if start.by_parameters is not None:
@@ -183,7 +183,7 @@ class TapedMotion:
         second_derivatives = np.empty(directions.shape)
         for k, sweep in enumerate(sweeps):
             changes = change(q[:, :, k], qd[:, :, k])
-            weights = (own + DUAL_STEP * 1j * more for own, more in zip((by_q, by_qd), changes, strict=True))
+            weights = (weight + DUAL_STEP * 1j * more for weight, more in zip((by_q, by_qd), changes, strict=True))
             *by_state, by_p, _ = sweep.backward(self._run.at_all_steps(*weights))
             start = self._start_along(*(seed[:, k] for seed in seeds))
             by_start, by_z, by_rates = self._start_back(np.concatenate(by_state), sweep, start)
@@ -193,11 +193,12 @@ class TapedMotion:
     def _start_along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> _Start:
         """What there is at the start, in dual numbers."""
         kernels, start = self.kernels, self._start
-        given = {"t": self.t[0], "q": self._begun.q, "qd": np.zeros(kernels.n), "p": self.p}
+        arguments = {"t": self.t[0], "q": self._begun.q, "qd": np.zeros(kernels.n), "p": self.p}
 
         def acceleration(allowed: np.ndarray) -> np.ndarray:
             """How Φ_q q̈ − γ changes while nothing moves."""
-            return kernels.dense_tangent("phidd_q", qdd=allowed, **given) @ dq + kernels.dense_tangent("phidd_p", qdd=allowed, **given) @ dp
+            by_q, by_p = (kernels.dense_tangent(name, qdd=allowed, **arguments) for name in ("phidd_q", "phidd_p"))
+            return by_q @ dq + by_p @ dp
 
         still = acceleration(np.zeros(kernels.n))
         R = []
@@ -225,7 +226,7 @@ class TapedMotion:
     @cached_property
     def _start(self) -> _Start:
         parts = self._partitions.position, self._partitions.velocity
-        first, second = (kinematics(self.kernels, part, self._begun.q, self.t[0], self.p) for part in parts)
+        first, second = (kinematics(self.kernels, partition, self._begun.q, self.t[0], self.p) for partition in parts)
         return _Start(first.R, second.R, self.kernels.start_p(self.p) if self._follows else None, (first, second))
 
     def _check(self) -> None:
@@ -236,7 +237,7 @@ class TapedMotion:
             q, qd, _ = done.last
             problem = on_the_way(kernels, q, qd, done.reached, done.tried, self.p)
             raise problem or ConvergenceError(
-                f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s ({done.status}); {REMEDIES[done.status]}"
+                f"{kernels.name}: the motion cannot continue beyond t = {done.reached:.6g} s ({done.status}); {REMEDIES[done.status]}"
             )
         if (t := self._run.not_differentiable) is not None:
             raise ModelError(

@@ -12,16 +12,19 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.program.tree.table_layout import tables_of
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.open_tree import open_tree
+from ncgen.solver.positions.open_tree import open_tree, tree_with_loops
 from ncgen.solver.positions.partition import (
     choose_partitions,
 )
-from ncgen.solver.runs.run import Form
+from ncgen.solver.runs.choice import choose
+from ncgen.solver.runs.run import COMPILED, Form, Run
 from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:
     from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
     from ncgen.mechanism.motion_sources import Seen
+    from ncgen.mechanism.runtime_library import Part
+    from ncgen.model import Model
 from ncgen.solver.engines.capabilities import refusal
 from ncgen.solver.engines.partition_dynamics import samples, split_of
 
@@ -45,11 +48,24 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
 
     def made() -> ConstrainedDynamics:
         samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
-        tree = open_tree(kernels) if form == "tree" else None
-        part = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
-        return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, part)
+        tree = tree_with_loops(kernels) if form == "tree" else None
+        component = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
+        return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, component)
 
     return kernels.remember("constrained dynamics", (number, form), made)
+
+
+def expected_component(model: Model, run: Run) -> Part:
+    """The part of the runtime that a run will need as far as the model alone shows, to be compiled while kernels are derived."""
+    from ncgen.mechanism.runtime_library import part_for
+
+    method, tree = choose(run).method, spanning_tree(model)
+    is_open = run.engine in (AUTO, COMPILED) and run.number == "double" and not model.branches
+    if method.formalism.name != "lagrange" or not is_open or not tree.dof:
+        return part_for(method.integrator.name)
+    has_loops = len(model.joints) > len(tree.links)
+    emitted = tree.dof <= (MOST_RATES if has_loops else FEW_RATES)
+    return part_for(method.integrator.name, "emitted" if emitted else None if has_loops else "tree")
 
 
 def form_of(kernels: Kernels, method: Method) -> Form:
@@ -59,7 +75,13 @@ def form_of(kernels: Kernels, method: Method) -> Form:
         return "tree"
     if _is_recursive(kernels, method):
         return "emitted"
-    return "tree" if _may_recur(kernels, method) and open_tree(kernels) else "dense"
+    return "tree" if _may_recur(kernels, method) and (open_tree(kernels) or _closes_loops(kernels, method)) else "dense"
+
+
+def _closes_loops(kernels: Kernels, method: Method) -> bool:
+    """True for a tree with loops that moves in loops over tables: by an explicit method, since stiff ones need the degrees of freedom that
+    loops leave."""
+    return not method.integrator.takes_jacobian and tree_with_loops(kernels) is not None
 
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:

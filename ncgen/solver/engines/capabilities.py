@@ -45,7 +45,7 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
     if kernels.model.callbacks and engine in EMITTED:
         return "the model calls a Python function, whose forces are not in what is written out"
     if kernels.model.branches and (engine in EMITTED or number != "double"):
-        return "the paper's sine-or-cosine rows choose anew between steps, in doubles and in C that is the same for all mechanisms"
+        return "the paper's sine-or-cosine constraints change between steps, in doubles and in C that is the same for all mechanisms"
     if number != "double" and uses_tangents(kernels, name):
         return f"{name} takes derivatives of the kernels, which are double"
     return None

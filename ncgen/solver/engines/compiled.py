@@ -101,8 +101,8 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     if done.status in FINAL:
         path.halted = done.reached, done.last[0], done.last[1], work + done.last[2]
         raise ConvergenceError(
-            f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s, where steps become too short; the mechanism comes "
-            "to a singular position there, or rtol asks for less than rounding leaves"
+            f"{kernels.name}: the motion cannot continue beyond t = {done.reached:.6g} s, where steps become too short; the mechanism "
+            "comes to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
 
@@ -130,12 +130,12 @@ def _ended(path: Path, kernels: Kernels, grid: np.ndarray, done: Outcome, work: 
     """
     if done.status == "ok":
         return None
-    q, qd, own = done.last
+    q, qd, last_work = done.last
     if done.status == "stiff":
         return STIFFNESS_REASON
     problem = None if done.status in ("interrupted", "pivot") else on_the_way(kernels, q, qd, done.reached, done.tried, p)
     if problem or done.status == "interrupted":
-        path.break_off(grid, done.reached, q, qd, work + own)
+        path.break_off(grid, done.reached, q, qd, work + last_work)
         raise problem or done.raised or KeyboardInterrupt()
     return f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
 
@@ -225,7 +225,7 @@ def _for_next(
 
 def _in_c(tolerances: Tolerances, kernels: Kernels, partitions: Partitions) -> dict[str, Any]:
     """Arguments of a run on independent coordinates."""
-    return tolerances.in_c(*(kernels.column_sizes[part.independent] for part in (partitions.velocity, partitions.position)))
+    return tolerances.in_c(*(kernels.column_sizes[partition.independent] for partition in (partitions.velocity, partitions.position)))
 
 
 def _better(
@@ -238,7 +238,7 @@ def _better(
         return partitions
 
     def worth(x: Partitions) -> float:
-        return min(quality(kernels, part, q, t, p) for part in {x.velocity, x.position})
+        return min(quality(kernels, partition, q, t, p) for partition in {x.velocity, x.position})
 
     possible = worth(best)
     if possible < MIN_GAIN * worth(partitions):

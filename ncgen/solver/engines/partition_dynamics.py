@@ -93,9 +93,9 @@ def _made(
         ) from error
 
 
-def split_of(part: Partition) -> Split:
+def split_of(partition: Partition) -> Split:
     """A choice of independent coordinates as numbers."""
-    return Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
+    return Split(*(tuple(a.tolist()) for a in (partition.rows, partition.dependent, partition.independent)))
 
 
 def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:

@@ -205,8 +205,8 @@ class AllCoordinates(ReferenceRun):
         return np.arange(self.kernels.n), np.arange(self.kernels.n)
 
     def derivative(self, t: float, y: np.ndarray) -> np.ndarray:
-        if self.in_c and (slope := self.in_c.derivative(t, y, self.p)) is not None:
-            return slope
+        if self.in_c and (derivative := self.in_c.derivative(t, y, self.p)) is not None:
+            return derivative
         now = self._motion(t, y)
         return np.concatenate([now.qdd, now.qd, [now.power]])
 
@@ -305,7 +305,8 @@ class Independent(ReferenceRun):
         self.orientation = self.orientation or now.orientation
         if now.orientation != self.orientation:
             raise SingularError(
-                f"{self.kernels.name}: a position beyond a singular one of the dependent coordinates, perhaps on another branch"
+                f"{self.kernels.name}: the step passed a singular position of the dependent coordinates, perhaps to another branch; "
+                "choose other independent coordinates"
             )
         return now
 

@@ -38,12 +38,11 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task, ends: 
     path.impulses = [each for each in path.impulses if each.t < t]  # later ones are met again
     for before, after in [*ends[(ends[:, 1] > t) & (ends[:, 0] < end)].tolist(), [end, end]]:
         if t < before:
-            part = Path.empty(kernels.n, path.partitions)
             part_task = replace(task, q=q, velocities=velocities, before=(float(grid[0]), int(path.counts[0])))
-            reason = _one(engine, part, path, kernels, part_task, grid, (t, before), work)
-            if reason or part.stopped is not None:
+            reason, segment = _one(engine, path, kernels, part_task, grid, (t, before), work)
+            if reason or segment.stopped is not None:
                 return reason
-            q, qd, work = part.q[-1], part.qd[-1], work + float(part.work[-1])
+            q, qd, work = segment.q[-1], segment.qd[-1], work + float(segment.work[-1])
         if before < after and before in jumps and qd is not None:
             crossing = cross(kernels, q, qd, before, after, task.p)
             qd, work = crossing.qd, work + crossing.work
@@ -58,30 +57,34 @@ def _velocities(path: Path, task: Task, qd: np.ndarray) -> np.ndarray:
 
 
 def _one(
-    engine: Engine, part: Path, path: Path, kernels: Kernels, task: Task, grid: np.ndarray, ends: tuple[float, float], work: float
-) -> str | None:
-    """Let an engine fill a part between two times (s), and add its rows to the path but for those of its ends that are not on the grid."""
+    engine: Engine, path: Path, kernels: Kernels, task: Task, grid: np.ndarray, ends: tuple[float, float], work: float
+) -> tuple[str | None, Path]:
+    """Let an engine fill a part between two times (s), and add its rows to the path but for those of its ends that are not on the grid.
+
+    Returns why the engine stopped before the end, or None, and the part.
+    """
+    segment = Path.empty(kernels.n, path.partitions)
     first, last = len(path.q), int(np.searchsorted(grid, ends[1], "right"))
     times = np.unique([ends[0], *grid[first:last], ends[1]])
-    places = np.searchsorted(times, grid[first:last])
+    positions = np.searchsorted(times, grid[first:last])
     extra_times = np.zeros(len(times), dtype=bool)
-    extra_times[places] = task.movable_from(first)[: last - first]
+    extra_times[positions] = task.movable_from(first)[: last - first]
     extra_times[[0, -1]] = False  # the ends are what the run goes on from
     inside = task.breaks[np.searchsorted(task.breaks[:, 0], ends[0], "right") : np.searchsorted(task.breaks[:, 1], ends[1])]
     try:
-        return engine(part, kernels, replace(task, grid=times, movable=extra_times, breaks=inside))
+        return engine(segment, kernels, replace(task, grid=times, movable=extra_times, breaks=inside)), segment
     finally:
-        _take_over(path, part, places, work, float(grid[first - 1]) if first else -np.inf)
-        task.looked_at(first, times[places])
+        _take_over(path, segment, positions, work, float(grid[first - 1]) if first else -np.inf)
+        task.looked_at(first, times[positions])
 
 
-def _take_over(path: Path, part: Path, places: np.ndarray, work: float, reached: float) -> None:
+def _take_over(path: Path, segment: Path, positions: np.ndarray, work: float, reached: float) -> None:
     """Add what a part gave: its rows at places on the grid, and where it was stopped one more, unless that is at the time (s) reached."""
-    count = len(part.q) - (part.stopped is not None)
-    rows = places[places < count].tolist()
-    if part.stopped is not None and (part.stopped > reached or len(rows)):
+    count = len(segment.q) - (segment.stopped is not None)
+    rows = positions[positions < count].tolist()
+    if segment.stopped is not None and (segment.stopped > reached or len(rows)):
         rows.append(count)
-    path.extend(part.q[rows], part.qd[rows], part.work[rows] + work, part.counts)
-    path.partitions, path.stopped = part.partitions, part.stopped
-    path.crossed, path.next_step = part.crossed, part.next_step
-    path.take_counts(part)
+    path.extend(segment.q[rows], segment.qd[rows], segment.work[rows] + work, segment.counts)
+    path.partitions, path.stopped = segment.partitions, segment.stopped
+    path.crossed, path.next_step = segment.crossed, segment.next_step
+    path.take_counts(segment)

@@ -23,7 +23,7 @@ class ActionRow:
 
     event: int
     kind: str
-    place: int = 0
+    index: int = 0
     value: int = 0
 
 
@@ -58,9 +58,9 @@ class Actions:
             impacts = [action for action in event.do if isinstance(action, Impact)]
             rows += [ActionRow(k, "NCGEN_IMPACT", int(a.rest == "end"), value(where, a.restitution)) for a in impacts]  # type: ignore[arg-type]
             for name in sorted(changes, key=lambda name: name in velocities):
-                place = kernels.index[coordinate_of(name)] if name in velocities else kernels.parameters.index(name)
+                index = kernels.index[coordinate_of(name)] if name in velocities else kernels.parameters.index(name)
                 kind = "NCGEN_SET_VELOCITY" if name in velocities else "NCGEN_SET"
-                rows.append(ActionRow(k, kind, place, value(f"{where}, {name}", changes[name])))
+                rows.append(ActionRow(k, kind, index, value(f"{where}, {name}", changes[name])))
             rows += [ActionRow(k, "NCGEN_STOP") for action in event.do if isinstance(action, Stop)]
         set_velocities = [row.event for row in rows if row.kind == "NCGEN_SET_VELOCITY"]
         most = max([len(events), *(set_velocities.count(k) for k in range(len(events)))])
@@ -71,7 +71,7 @@ class Actions:
 
     def changed(self, kernels: Kernels) -> frozenset[str]:
         """Names of the parameters and inputs that events change."""
-        return frozenset(kernels.parameters[row.place] for row in self.rows if row.kind == "NCGEN_SET")
+        return frozenset(kernels.parameters[row.index] for row in self.rows if row.kind == "NCGEN_SET")
 
 
 def _law(kernels: Kernels) -> str:

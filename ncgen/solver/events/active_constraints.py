@@ -186,11 +186,6 @@ class ActiveConstraints:
         speed = math.sqrt(fastest * np.max(np.abs(slopes) @ self.kernels.column_sizes))
         return -force / size * max(FROM_REST * speed, self.unseen_sliding(k, at) / REST)
 
-    def has_just_begun(self, k: int, at: State) -> bool:
-        """Whether a contact in space slides, but not yet faster than where it comes to rest."""
-        contact = self.functions.contacts.get(k)
-        return contact is not None and len(contact.slip) > 1 and bool(self.functions.values(at)[0][k] < 0)
-
     def largest(self, k: int, at: State, velocity: np.ndarray) -> float:
         """The largest velocity (m/s) of the slide of a contact in space that is known. It is so much at least that rounding
         does not hide that it comes to rest."""
@@ -212,7 +207,7 @@ class ActiveConstraints:
                 change = JOINTS[2]
             if change:
                 search: Search = due.get(k, "sampled" if k in before else "action")
-                happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, what=change))
+                happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, transition=change))
         return happened
 
     def place(self, name: str) -> int:
@@ -230,19 +225,19 @@ class HeldChoice:
     ) -> None:
         self.owner, self.at, self._start, self._held = owner, at, at, held
         self._numbers = list(owner.rows)
-        functions, places = owner.functions, {k: place for place, k in enumerate(self._numbers)}
-        self.active = active = Active([self._kind(k) for k in places], [places.get(functions.gaps.get(k, -1), -1) for k in places])
-        for k, place in places.items():
-            active.before[place], active.rests[place], active.released[place] = k in held, k in resting, k in owner.left
+        functions, positions = owner.functions, {k: position for position, k in enumerate(self._numbers)}
+        self.active = active = Active([self._kind(k) for k in positions], [positions.get(functions.gaps.get(k, -1), -1) for k in positions])
+        for k, position in positions.items():
+            active.before[position], active.rests[position], active.released[position] = k in held, k in resting, k in owner.left
             turns = any(functions.turns.get(number) == k for number in due)
-            active.still[place] = owner.is_still(k, at) or (
+            active.still[position] = owner.is_still(k, at) or (
                 turns and np.linalg.norm(functions.sliding(at)[k][0]) <= owner.unseen_sliding(k, at)
             )
-            active.closed[place] = k not in functions.moving and k not in functions.contacts and owner.is_closed(k, at)
-            active.happened[place] = k in due and k not in functions.turns.values()
+            active.closed[position] = k not in functions.moving and k not in functions.contacts and owner.is_closed(k, at)
+            active.happened[position] = k in due and k not in functions.turns.values()
         for k, side in owner.left.items():
             if k in functions.frictions:
-                active.released[places[k]] = int(side[0])
+                active.released[positions[k]] = int(side[0])
         self._directions, self._tried = dict(owner.left), None
         self._mode: tuple[Kernels, LoadConditions] | None = None
 
@@ -314,15 +309,15 @@ class HeldChoice:
         owner, functions, at, p = self.owner, self.owner.functions, self._start, self.at.p.copy()
         values, sliding, released = functions.values(at)[0], functions.sliding(at), self.directions()
         for k, friction in functions.frictions.items():
-            place = owner.place(friction.slip)
-            p[place] = self.active.slip(self._numbers.index(k), p[place], np.sign(values[k]))
+            index = owner.place(friction.slip)
+            p[index] = self.active.slip(self._numbers.index(k), p[index], np.sign(values[k]))
         for k, contact in functions.contacts.items():
-            places, velocity = [owner.place(name) for name in contact.slip], sliding[k][0]
+            indices, velocity = [owner.place(name) for name in contact.slip], sliding[k][0]
             if k in wanted or functions.gaps[k] not in wanted:
-                p[places] = 0.0
+                p[indices] = 0.0
             elif k in released:
-                p[places] = released[k]
+                p[indices] = released[k]
             elif np.any(velocity):
                 length = owner.largest(k, self._start, velocity) if len(velocity) > 1 else 1.0
-                p[places] = velocity / np.linalg.norm(velocity) * length
+                p[indices] = velocity / np.linalg.norm(velocity) * length
         return p

@@ -36,7 +36,7 @@ class EventTangents:
 
     def places(self, k: int) -> list[int]:
         """Of a gap or ratchet, by the number of its condition, the rows of W: its own, then those at which it slides."""
-        return [place for place, (number, _) in enumerate((*self._gaps, *self._rates)) if number == k]
+        return [row for row, (number, _) in enumerate((*self._gaps, *self._rates)) if number == k]
 
     def conditions(self, mode: Kernels, held: tuple[Held, ...], at: State) -> np.ndarray:
         """Of the conditions of a mode, those of loads behind those of the mechanism, (C + L, N)."""
@@ -103,6 +103,6 @@ class EventTangents:
         )  # fmt: skip
 
 
-def _word(what: str, expressions: list) -> str:
+def _word(kind: str, expressions: list) -> str:
     """A word for functions of these (words, expression)."""
-    return f"tangents_of_{what}_{hashlib.sha256(repr([(where, str(e)) for where, e in expressions]).encode()).hexdigest()[:16]}"
+    return f"tangents_of_{kind}_{hashlib.sha256(repr([(where, str(e)) for where, e in expressions]).encode()).hexdigest()[:16]}"

@@ -192,7 +192,7 @@ class EventFunctions:
         return self._slopes(at)[:, self.kernels.n : 2 * self.kernels.n]
 
     def _slopes(self, at: State) -> np.ndarray:
-        return self._call("condition_slopes", at).reshape(self.count, 2 * self.kernels.n + 1)
+        return self._call("condition_derivatives", at).reshape(self.count, 2 * self.kernels.n + 1)
 
     def rates(self, at: State, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivatives along the motion (C,), the second of conditions without velocities; qdd (n,): accelerations."""
@@ -219,7 +219,7 @@ class EventFunctions:
         return by_event
 
     def _call(self, name: str, at: State) -> np.ndarray:
-        if not self.count and name in ("conditions", "condition_slopes"):
+        if not self.count and name in ("conditions", "condition_derivatives"):
             return np.empty(0)
         last, numbers = self._last.get(name, (None, None))
         if last is not at or numbers is None:
@@ -269,11 +269,11 @@ class EventFunctions:
         if not self.contacts:
             return {}
         numbers = self._call("contact_velocities", at)
-        sizes, n, velocities, place = [len(c.sliding) for c in self.contacts.values()], self.kernels.n, {}, 0
+        sizes, n, velocities, start = [len(c.sliding) for c in self.contacts.values()], self.kernels.n, {}, 0
         slopes = numbers[sum(sizes) :].reshape(sum(sizes), n)
         for k, size in zip(self.contacts, sizes, strict=True):
-            velocities[k] = numbers[place : place + size], slopes[place : place + size]
-            place += size
+            velocities[k] = numbers[start : start + size], slopes[start : start + size]
+            start += size
         return velocities
 
     def place(self, of: Friction | Ratchet | Lock, at: State) -> float:
@@ -290,8 +290,8 @@ class EventFunctions:
 
     def _element(self, where: str, at: State) -> float:
         """The value of an element that is an expression, by its words."""
-        places = self.kernels.remember("places of elements", (), lambda: {words: k for k, (words, _) in enumerate(self._elements)})
-        return float(self._call("element_values", at)[places[where]])
+        indices = self.kernels.remember("places of elements", (), lambda: {words: k for k, (words, _) in enumerate(self._elements)})
+        return float(self._call("element_values", at)[indices[where]])
 
     @cached_property
     def named_values(self) -> list[tuple[str, Scalar]]:
@@ -316,7 +316,7 @@ class EventFunctions:
         count = len(conditions)
         sizes = {
             "conditions": 2 * count,
-            "condition_slopes": count * (2 * kernels.n + 1),
+            "condition_derivatives": count * (2 * kernels.n + 1),
             "condition_rates": 2 * count,
             "action_values": len(values),
             "element_values": len(self._elements),
@@ -343,7 +343,7 @@ def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value |
         name=of.name,
         rows=(of.along.position - symbol_of(of.held),),
         static=static,
-        place=(of.held, of.along.initial),
+        anchor=(of.held, of.along.initial),
         pressed=pressed,
     )
 
@@ -366,7 +366,8 @@ def mentions_inputs(when: Scalar, kernels: Kernels) -> bool:
 def most_degree(kernels: Kernels) -> int:
     """Of the polynomials in time that the conditions of a mechanism are within a step."""
     model = kernels.model
-    whens = [*(event.when for event in model.events.values()), *(contact.forward for contact in model.contacts.values())]
+    contacts = [when for each in model.contacts.values() for when in (each.forward, *([each.kept] if len(each.sliding) > 1 else []))]
+    whens = [*(event.when for event in model.events.values()), *contacts]
     return QUADRATIC if any(degree_within_step(when, kernels) == 2 for when in whens) else LINEAR
 
 

@@ -7,9 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ncgen.mechanism.conditions_in_c import basis, formula_arrays
+from ncgen.mechanism.conditions_in_c import UNWATCHED, basis, formula_arrays
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Locking
+from ncgen.model.contacts import Contact
 from ncgen.model.events import Event
 from ncgen.model.values import Scalar, as_sympy
 from ncgen.program.ir.blocks import Program
@@ -17,7 +18,7 @@ from ncgen.program.motions.condition_formulas import FormulaTable, assemble_form
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.action_rows import ActionRow, Actions
 from ncgen.solver.events.conditions import degree_within_step, mentions_inputs
-from ncgen.solver.events.held_mechanism import LOADS, HeldMechanism, Holdable, held_mechanism, holdables
+from ncgen.solver.events.held_mechanism import HeldMechanism, Holdable, friction_of, held_mechanism, holdables
 from ncgen.symbolic.numbering import Terms
 
 START = -1
@@ -35,6 +36,28 @@ class HoldRow:
     value: int = -1
     slip: int = -1
     load: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RubbingRow:
+    """A contact with friction, with the members of `ncgen_rubbing`."""
+
+    event: int
+    condition: int
+    turn: int
+    directions: int
+    first: int
+    slip: tuple[int, int]
+    value: int
+    poisson: int
+    gap: int
+    stick: int
+
+    @property
+    def members(self) -> tuple[int, ...]:
+        """In their order."""
+        numbers = (self.event, self.condition, self.turn, self.directions, self.first)
+        return (*numbers, *self.slip, self.value, self.poisson, self.gap, self.stick)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +78,24 @@ class EventTable:
 
     @cached_property
     def names(self) -> list[str]:
-        """Of all conditions: events, joints with friction, ratchets."""
+        """Of all conditions but the last ones, which are not named: events, joints with friction, friction of contacts, ratchets."""
         model = self.kernels.model
-        return [*model.events, *model.frictions, *model.ratchets]
+        return [*model.events, *model.frictions, *map(friction_of, model.contacts.values()), *model.ratchets]
+
+    @property
+    def condition_names(self) -> list[str]:
+        """Of all conditions."""
+        return [*self.names, *(f"{each.name}.turn" for each in self.turning)]
+
+    @cached_property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Contacts with friction."""
+        return tuple(self.kernels.model.contacts.values())
+
+    @cached_property
+    def turning(self) -> list[Contact]:
+        """Those whose direction of sliding may turn: the last conditions watch these."""
+        return [each for each in self.contacts if len(each.sliding) > 1]
 
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
@@ -65,7 +103,9 @@ class EventTable:
         model = self.kernels.model
         rates = [(f"friction {each.name}", each.along.rate) for each in model.frictions.values()]
         teeth = [(f"ratchet {each.name}", each.along.rate) for each in model.ratchets.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *teeth]
+        slides = [(f"contact {each.name}", each.forward) for each in self.contacts]
+        turns = [(f"contact {each.name}", each.kept) for each in self.turning]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *teeth, *turns]
 
     @cached_property
     def held(self) -> HeldMechanism | None:
@@ -90,8 +130,37 @@ class EventTable:
     def values(self) -> list[tuple[str, Scalar]]:
         """(words, value) of what actions set, of what holds where a motion begins, and of where things are."""
         beginnings = [(name, as_sympy(value)) for name, value in self.kernels.model.beginnings.items()]
-        places = [(f"{each.name}, place", each.position) for each in self.holdables if each.held]
-        return [*self._filled.values, *beginnings, *places]
+        positions = [(f"{each.name}, place", each.position) for each in self.holdables if each.held]
+        return [*self._filled.values, *beginnings, *positions, *self._of_contacts]
+
+    @property
+    def _of_contacts(self) -> list[tuple[str, Scalar]]:
+        """(words, value) of friction and tangential restitution of contacts, one after the other."""
+        pairs = [(each, word) for each in self.contacts for word in ("friction", "tangential")]
+        return [(f"contact {each.name}, {word}", as_sympy(getattr(each, word))) for each, word in pairs]
+
+    @property
+    def sliding(self) -> list[tuple[str, Scalar]]:
+        """(words, expression) of the velocities at which contacts slide."""
+        return [(f"contact {each.name}", velocity) for each in self.contacts for velocity in each.sliding]
+
+    @cached_property
+    def rubbing_rows(self) -> list[RubbingRow]:
+        """Contacts with friction."""
+        parameters, rows, first = self.kernels.parameters, list[RubbingRow](), 0
+        holds = {(each.contact.name, each.sticks): k for k, each in enumerate(self.holdables) if each.contact}
+        events, conditions = [event.name for event in self.events], len(self.events) + len(self.kernels.model.frictions)
+        turns = {each.name: len(self.names) + k for k, each in enumerate(self.turning)}
+        value = len(self.values) - 2 * len(self.contacts)
+        for k, each in enumerate(self.contacts):
+            slip = [parameters.index(name) for name in each.slip]
+            rows.append(RubbingRow(
+                event=events.index(each.name), condition=conditions + k, turn=turns.get(each.name, -1),
+                directions=len(slip), first=first, slip=(slip[0], slip[-1]), value=value + 2 * k, poisson=int(each.law == "poisson"),
+                gap=holds.get((each.name, False), -1), stick=holds.get((each.name, True), -1),
+            ))  # fmt: skip
+            first += len(slip)
+        return rows
 
     @cached_property
     def hold_rows(self) -> list[HoldRow]:
@@ -99,26 +168,25 @@ class EventTable:
         parameters, rows, load = self.kernels.parameters, list[HoldRow](), 0
         first = len(self._filled.values) + len(self.kernels.model.beginnings)
         for each in self.holdables:
-            places = [parameters.index(name) if name else -1 for name in (each.switch, each.held, each.slip)]
+            indices = [parameters.index(name) if name else -1 for name in (each.switch, each.held, each.slip)]
             rows.append(HoldRow(
-                kind=each.kind, condition=each.condition, on=places[0], held=places[1], value=first if each.held else -1, slip=places[2],
+                kind=each.kind, condition=each.condition, on=indices[0], held=indices[1], value=first if each.held else -1, slip=indices[2],
                 load=load,
             ))  # fmt: skip
             first += bool(each.held)
-            load += LOADS[each.kind]
+            load += len(each.loads)
         return rows
 
     @cached_property
     def loads(self) -> list[str]:
         """What conditions of loads are of; a joint has two, for each side; all loads that friction follows have one together."""
-        sides = {2: (" down", " up"), 1: ("",), 0: ()}
-        determined = ["friction of loads"] if self.follows_loads else []
-        return [*(f"{each.name}{side}" for each in self.holdables for side in sides[LOADS[each.kind]]), *determined]
+        determined = ["friction of loads"] if self.rubs else []
+        return [*(words for each in self.holdables for words in each.loads), *determined]
 
     @cached_property
     def own(self) -> tuple[str, ...]:
         """Names of the parameters and inputs that say what is held, and how joints slip: the motion keeps them."""
-        return tuple(name for each in self.holdables for name in (each.switch, each.held, each.slip) if name)
+        return tuple(name for each in self.holdables for name in each.own)
 
     @cached_property
     def changed(self) -> frozenset[str]:
@@ -129,13 +197,18 @@ class EventTable:
     @cached_property
     def programs(self) -> list[Program]:
         """Of conditions, their slopes and rates, and of what actions set."""
-        own = assemble_conditions(self.equations, self.conditions, self.values, [], []).values()
-        return [*own, *(self.held.programs if self.held else ())]
+        conditions = assemble_conditions(self.equations, self.conditions, self.values, [], self.sliding).values()
+        return [*conditions, *(self.held.programs if self.held else ())]
 
     @property
     def follows_loads(self) -> bool:
         """Whether friction of joints follows loads."""
         return any(friction.load is not None for friction in self.kernels.model.frictions.values())
+
+    @property
+    def rubs(self) -> bool:
+        """Whether friction of joints or contacts does."""
+        return self.follows_loads or any(each.sticks for each in self.holdables)
 
     @cached_property
     def _polynomial(self) -> list[bool]:
@@ -167,7 +240,8 @@ class EventTable:
     @cached_property
     def described(self) -> dict[str, object]:
         """What templates are filled with."""
-        actions, count = self._filled, len(self.conditions)
+        actions, count, ratchets = self._filled, len(self.conditions), len(self.kernels.model.ratchets)
+        unwatched = [UNWATCHED] * (count - len(self.events) - ratchets - len(self.turning))
         nodes, inverse = basis(actions.degree)
         return {
             "names": self.names,
@@ -177,9 +251,12 @@ class EventTable:
             "own": [self.kernels.parameters.index(name) for name in self.own],
             "loads": len(self.loads),
             "follows_loads": self.follows_loads,
+            "rubs": self.rubs,
+            "rubbings": [row.members for row in self.rubbing_rows],
+            "sliding": len(self.sliding),
             "most": max(count, actions.most),
             "law": actions.law,
-            "directions": [*actions.directions, *[-1] * (count - len(self.events))],
+            "directions": [*actions.directions, *unwatched, *[-1] * ratchets, *[UNWATCHED] * len(self.turning)],
             "rows": self.rows,
             "values": len(self.values),
             "degree": actions.degree,

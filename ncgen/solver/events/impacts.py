@@ -57,7 +57,7 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     Raises SingularError, ConvergenceError or ModelError with the names of gaps that cannot be hit.
     """
     W, drift, blows = rows_of(gaps)
-    places, sizes = [blow.gap for blow in blows], kernels.column_sizes
+    positions, sizes = [blow.gap for blow in blows], kernels.column_sizes
     terms = np.abs(W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(drift)
     responses = response(kernels, at, W)
     energy = float(kernels.energy(at.q, at.qd, at.t, at.p)[0])
@@ -70,7 +70,7 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     for number, pushes in solved.turns:
         qd = qd + responses @ pushes
         turns.append(((number,), qd))
-    impulses, qd = solved.impulses[places], at.qd + responses @ solved.impulses
+    impulses, qd = solved.impulses[positions], at.qd + responses @ solved.impulses
     if not solved.turns:
         turns = [(tuple(np.flatnonzero(impulses > 0).tolist()), qd)]
     return Hit(qd=qd, impulses=impulses, sticks=solved.sticks, lost=solved.lost, turns=tuple(turns))
@@ -79,12 +79,12 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
 def rows_of(gaps: Sequence[Gap]) -> tuple[np.ndarray, np.ndarray, list[Blow]]:
     """W (r, n), ∂g/∂t (r,), 0 for velocities at which contacts slide, and what C has of each gap."""
     W = np.vstack([np.vstack([gap.gradient[None], gap.rubs]) for gap in gaps])
-    places = np.cumsum([0, *(1 + len(gap.rubs) for gap in gaps[:-1])])
+    positions = np.cumsum([0, *(1 + len(gap.rubs) for gap in gaps[:-1])])
     drift = np.zeros(len(W))
-    drift[places] = [gap.drift for gap in gaps]
+    drift[positions] = [gap.drift for gap in gaps]
     blows = [
-        Blow(int(place), len(gap.rubs), gap.is_poisson, gap.restitution, gap.friction, gap.tangential)
-        for place, gap in zip(places, gaps, strict=True)
+        Blow(int(position), len(gap.rubs), gap.is_poisson, gap.restitution, gap.friction, gap.tangential)
+        for position, gap in zip(positions, gaps, strict=True)
     ]
     return W, drift, blows
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count
@@ -136,10 +136,11 @@ class Instant:
                 self.lock([name])
                 self._note(name, "start", start, LOCKS[0])
 
-    def catch(self, due: Mapping[int, Search]) -> None:
-        """Stop ratchets that run backward, but for those that are due as they only just turn, by impulses that only push."""
-        start = self.at
-        taking = [k for k in self.functions.ratchets if k not in due and self.functions.values(start)[0][k] <= 0]
+    def catch(self, others: Collection[int]) -> None:
+        """Stop ratchets that run backward by impulses that only push, but for others: those that only just turn, and those at rest."""
+        start, functions = self.at, self.functions
+        taking = [k for k in functions.ratchets if k not in others and functions.values(start)[0][k] <= 0]
+        taking = self._movable(taking, functions.rate_slopes(start)) if taking else []
         gaps = gaps_of(self.functions, start, taking)
         if taking and (hit := hit_gaps(self.functions.mode(start), start, gaps, {"simultaneous"})):
             self.at = replace(start, qd=hit.qd)
@@ -147,13 +148,13 @@ class Instant:
             self._note_impulses(gaps, {}, hit, start)
 
     def _act(self, k: int, search: Search) -> None:
-        event, start, what = self.functions.events[k], self.at, ""
+        event, start, transition = self.functions.events[k], self.at, ""
         for action in event.do:
             if isinstance(action, Stop):
                 self.stops = True
             elif isinstance(action, Locking):
                 self.lock([action.lock]) if action.closes else self.free(action.lock)
-                what = LOCKS[0 if action.closes else 1]
+                transition = LOCKS[0 if action.closes else 1]
             elif isinstance(action, Call):
                 changes = action.function(self.at, self.kernels)
                 if changes is not None and not isinstance(changes, Mapping):
@@ -163,7 +164,7 @@ class Instant:
         self._set(self.functions.numbers(before).get(k, {}), event.name)
         self.done.append(Done(events=(k,), is_impact=False, before=before, after=self.at))
         self._keep_constraints()
-        self._note(event.name, search, start, what)
+        self._note(event.name, search, start, transition)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
         """Other inputs, parameters and velocities; those of other coordinates follow with the least kinetic energy of the change."""
@@ -194,13 +195,10 @@ class Instant:
         functions, start = self.functions, self.at
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
         values, scales = functions.weighed(start)
-        taking = [k for k in all_impacts if k in due or is_zero(values[k], scales[k])]
-        if self.at.locked:
-            still = is_blocked(functions.mode(start), self.kernels, start, functions.slopes(start)[0][taking])
-            taking = [k for k, fixed in zip(taking, still, strict=True) if not fixed]
+        taking = self._movable([k for k in all_impacts if k in due or is_zero(values[k], scales[k])], functions.slopes(start)[0])
         if not taking:
             return
-        hitting = [*taking, *(k for k in functions.ratchets if values[k] <= 0)]
+        hitting = [*taking, *self._movable([k for k in functions.ratchets if values[k] <= 0], functions.rate_slopes(start))]
         gaps, orders = gaps_of(functions, start, hitting), {functions.events[k].impact.order for k in taking} - {""}  # type: ignore[union-attr]
         if not (hit := hit_gaps(functions.mode(start), start, gaps, orders)):
             return
@@ -216,6 +214,13 @@ class Instant:
             if len(functions.events[k].do) > 1:
                 self._act(k, searches[k])
 
+    def _movable(self, numbers: list[int], W: np.ndarray) -> list[int]:
+        """Those of some gaps and ratchets that locks which are closed let move; W (C, n): gradients of all conditions."""
+        if not self.at.locked or not numbers:
+            return numbers
+        still = is_blocked(self.functions.mode(self.at), self.kernels, self.at, W[numbers])
+        return [k for k, is_fixed in zip(numbers, still, strict=True) if not is_fixed]
+
     def _note_turns(self, hit: Hit, hitting: Sequence[int], start: State) -> None:
         """Note what hits did, of gaps with these numbers of conditions."""
         for turn, velocities in hit.turns:
@@ -223,11 +228,19 @@ class Instant:
             self.done.append(Done(events=tuple(hitting[number] for number in turn), is_impact=True, before=start, after=after))
             start = after
 
-    def _note(self, name: str, search: Search, start: State, what: str) -> None:
+    def _note(self, name: str, search: Search, start: State, transition: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
         self.happened.append(
             Happening(
-                t=start.t, name=name, search=search, q=start.q, before=start.qd, after=self.at.qd, impulse=0.0, energy_lost=lost, what=what
+                t=start.t,
+                name=name,
+                search=search,
+                q=start.q,
+                before=start.qd,
+                after=self.at.qd,
+                impulse=0.0,
+                energy_lost=lost,
+                transition=transition,
             )
         )
 
@@ -281,11 +294,11 @@ def _with_rates(kernels: Kernels, at: State, held: Mapping[int, float]) -> np.nd
 
     Raises ModelError naming a velocity that the constraints do not allow.
     """
-    places, wanted = list(held), np.array(list(held.values()))
+    indices, wanted = list(held), np.array(list(held.values()))
     qd = project_velocity(kernels, at.q, at.qd, at.t, at.p)
-    responses = response(kernels, at, np.eye(kernels.n)[places])
-    qd, failed = set_rates(responses, places, wanted, qd, kernels.column_sizes)
+    responses = response(kernels, at, np.eye(kernels.n)[indices])
+    qd, failed = set_rates(responses, indices, wanted, qd, kernels.column_sizes)
     if failed >= 0:
-        name = kernels.coordinates[places[failed]]
+        name = kernels.coordinates[indices[failed]]
         raise ModelError(f"rate({name}) cannot become {wanted[failed]:.6g} at t = {at.t:.6g} s: the constraints do not allow it")
     return qd

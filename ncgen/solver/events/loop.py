@@ -69,13 +69,13 @@ class EventLoop:
             return self._finish()
         repeated = 0
         while True:
-            part, before = Path.empty(self.kernels.n, None), self.at.t
-            reason = self._part(part)
-            if reason or part.stopped is None:
+            segment, before = Path.empty(self.kernels.n, None), self.at.t
+            reason = self._part(segment)
+            if reason or segment.stopped is None:
                 return reason
-            stops = self._is_stop(part.crossed)
-            self._see(task, part)
-            if self._act(self._due(part.crossed), crossed=part.crossed) or stops:
+            stops = self._is_stop(segment.crossed)
+            self._see(task, segment)
+            if self._act(self._due(segment.crossed), crossed=segment.crossed) or stops:
                 return self._finish()
             if is_complete := len(path.q) == len(task.grid):  # C moved the last row to where a law changes: to this instant
                 path.take_last()
@@ -83,7 +83,7 @@ class EventLoop:
                 return self._rows_at_end()
             repeated = repeated + 1 if self.at.t == before else 0
             if repeated > MOST_REPEATED:
-                raise self._endless(part.crossed)
+                raise self._endless(segment.crossed)
 
     def _endless(self, crossed: tuple[int, ...]) -> ConvergenceError:
         """Events that happen at one instant again and again."""
@@ -95,7 +95,7 @@ class EventLoop:
 
     # -- parts ---------------------------------------------------------------------------------
 
-    def _part(self, part: Path) -> str | None:
+    def _part(self, segment: Path) -> str | None:
         """Let the engine go on from here to the next event or the end, and add its rows to the path."""
         task, first, path, at = self.task, len(self.path.q), self.path, self.at
         ahead = task.grid[first:]
@@ -107,22 +107,22 @@ class EventLoop:
             conditions=conditions, rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
         )  # fmt: skip
         try:
-            return self.engine(part, self.mode, part_task)
+            return self.engine(segment, self.mode, part_task)
         except ConvergenceError:
-            if not self._comes_to_rest(part):
+            if not self._comes_to_rest(segment):
                 raise
             return None
         finally:
-            count = len(part.q) - (part.stopped is not None)
+            count = len(segment.q) - (segment.stopped is not None)
             rows = slice(fresh, max(count, fresh))
-            path.extend(part.q[rows], part.qd[rows], part.work[rows] + self.work, part.counts)
-            path.take_counts(part)
+            path.extend(segment.q[rows], segment.qd[rows], segment.work[rows] + self.work, segment.counts)
+            path.take_counts(segment)
             task.looked_at(first, part_task.grid[rows])
-            self.first_step = part.next_step
-            if part.stopped is not None:
-                self.at = replace(at, t=part.stopped, q=part.q[-1], qd=part.qd[-1])
-                self.work += float(part.work[-1])
-                if not part.crossed:  # something was raised
+            self.first_step = segment.next_step
+            if segment.stopped is not None:
+                self.at = replace(at, t=segment.stopped, q=segment.q[-1], qd=segment.qd[-1])
+                self.work += float(segment.work[-1])
+                if not segment.crossed:  # something was raised
                     self._finish()
             if loads and loads.raised:
                 raise loads.raised
@@ -173,8 +173,8 @@ class EventLoop:
 
         Raises ModelError for a gap that an impact is to close and that is open by less than nothing.
         """
-        functions, given = self.functions, self.at
-        self.at = at = self.active_constraints.begin(given)
+        functions, start = self.functions, self.at
+        self.at = at = self.active_constraints.begin(start)
         rates, _ = functions.rates(at, self._accelerations())
         gaps = np.array([event.impact is not None for event in functions.events], dtype=bool)
         keeps = np.array([gap and self.active_constraints.is_still(k, at) for k, gap in enumerate(gaps)], dtype=bool)
@@ -185,7 +185,7 @@ class EventLoop:
                 "begin where it is not below 0, or make it another event"
             )
         due: dict[int, Search] = dict.fromkeys(np.flatnonzero(chain.due).tolist(), "start")
-        self._note_parameters(given)
+        self._note_parameters(start)
         self.passage.begun = self.at
         return self._act(due, True) if due or functions.can_hold else False
 
@@ -234,7 +234,8 @@ class EventLoop:
         if is_start:
             instant.begin()
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
-        instant.catch(due)
+        unhit = self.held if np.array_equal(before.qd, instant.at.qd) else ()
+        instant.catch([*due, *unhit])
         self.at = instant.at
         rests = self._resting(np.flatnonzero(instant.chain.happened).tolist())
         ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]
@@ -292,7 +293,8 @@ class EventLoop:
         chain.set_sides(self.signs)
         ways = self.active_constraints.directions(self.held, self.at.p)
         for k in range(len(functions.events), functions.count):
-            self.signs[k] = 0 if ways[k] == UNWATCHED or self.active_constraints.has_just_begun(k, self.at) else -int(ways[k])
+            may_begin = k in functions.turns.values()  # in space it has to become faster first than where it comes to rest
+            self.signs[k] = 0 if ways[k] == UNWATCHED or may_begin else -int(ways[k])
         for k in self.active_constraints.left:
             if k < len(functions.events):
                 self.signs[k] = 1

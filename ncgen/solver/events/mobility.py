@@ -21,5 +21,5 @@ def response(kernels: Kernels, at: State, W: np.ndarray) -> np.ndarray:
 
 def is_blocked(mode: Kernels, mechanism: Kernels, at: State, W: np.ndarray) -> np.ndarray:
     """Mask (k,) of the rows of W (k, n) along which the mechanism can move and a mode of it cannot."""
-    own, whole = (np.einsum("kn,nk->k", W, response(kernels, at, W)) for kernels in (mode, mechanism))
-    return np.array([leaves_none(part, all_of_it) for part, all_of_it in zip(own.tolist(), whole.tolist(), strict=True)], dtype=bool)
+    in_mode, whole = (np.einsum("kn,nk->k", W, response(kernels, at, W)) for kernels in (mode, mechanism))
+    return np.array([leaves_none(moved, all_of_it) for moved, all_of_it in zip(in_mode.tolist(), whole.tolist(), strict=True)], dtype=bool)

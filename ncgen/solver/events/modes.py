@@ -58,7 +58,7 @@ class Held:
     static: Value | None = None
     rubs: Contact | None = None
     sticks: bool = False
-    place: tuple[str, Scalar] | None = None
+    anchor: tuple[str, Scalar] | None = None
     pressed: tuple[int, ...] = ()
 
     @property
@@ -87,8 +87,8 @@ def variant(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
 def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     model = on_demand.without_events(kernels.model)
     for each in held:
-        if each.place:  # so that positions around the start, in which accelerations are seen, are those of the mechanism
-            name, initial = each.place
+        if each.anchor:  # so that positions around the start, in which accelerations are seen, are those of the mechanism
+            name, initial = each.anchor
             model.parameters[name] = replace(model.parameters[name], default=evaluate(initial, model.numbers, each.name))
         for row in each.rows:
             hold = model.constrain_velocity if each.sticks else model.constrain
@@ -268,10 +268,10 @@ class _InPython(LoadConditions):
         ffi: Interface = runtime_abi("double")
         self._functions, self._mode, self._held, self.count = functions, mode.driven_by(None), held, count_of(held)
         n, n_p, first = mode.n, len(mode.p0), 2 * functions.count
-        own = functions.raw("conditions")
+        raw_conditions = functions.raw("conditions")
 
         def evaluate(t: float, q: InC, qd: InC, p: InC, out: InC) -> int:
-            own(t, q, qd, p, out)
+            raw_conditions(t, q, qd, p, out)
             state = [np.array(ffi.unpack(a, size) if size else [], dtype=float) for a, size in ((q, n), (qd, n), (p, n_p))]
             for k, number in enumerate(np.column_stack(self.at(State(t=t, q=state[0], qd=state[1], p=state[2]))).ravel().tolist()):
                 out[first + k] = number

@@ -65,4 +65,4 @@ def check_events(kernels: Kernels, method: Method, run: Run) -> None:
     if run.engine == "python" or run.number != "double":
         raise ModelError(f"{where} need the C engine in double precision; leave engine and number out")
     if kernels.model.branches:
-        raise ModelError(f"{where} need smooth angles; the paper's sine-or-cosine rows choose anew between steps")
+        raise ModelError(f"{where} need smooth angles; the paper's sine-or-cosine constraints change between steps")

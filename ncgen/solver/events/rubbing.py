@@ -54,8 +54,8 @@ def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[He
         A = plain @ (np.eye(len(sliding)) - by_friction * signs)
         for some in chain.from_iterable(combinations(contacts, size) for size in sizes):
             chosen = [*some, *joints]
-            part = np.ix_(chosen, chosen)
-            if not np.linalg.det(A[part]) > POSITIVE * abs(np.linalg.det(plain[part])):
+            block = np.ix_(chosen, chosen)
+            if not np.linalg.det(A[block]) > POSITIVE * abs(np.linalg.det(plain[block])):
                 raise undetermined(functions, [sliding[k] for k in chosen], at)
 
 
@@ -122,8 +122,8 @@ def undetermined(functions: EventFunctions, sliding: Sequence[Sliding], at: Stat
     names, rubbing = {each.words for each in sliding}, []
     for k, contact in functions.contacts.items():
         if f"contact {contact.name}" in names:
-            place = ", ".join(f"{_number(functions, x, at):.6g}" for x in contact.place)
-            where = f" at ({place}) m" if place else ""
+            coordinates = ", ".join(f"{_number(functions, x, at):.6g}" for x in contact.position)
+            where = f" at ({coordinates}) m" if coordinates else ""
             rubbing.append(f"contact {contact.name} with friction {functions.friction(k, at):g}{where}")
     for k, friction in functions.frictions.items():
         if f"friction {friction.name}" in names:

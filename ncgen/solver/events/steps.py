@@ -66,9 +66,9 @@ class Steps:
     # -- where it is ---------------------------------------------------------------------------
 
     @staticmethod
-    def is_past(given: object) -> bool:
+    def is_past(value: object) -> bool:
         """Whether it is what `past` returns."""
-        return isinstance(given, Past)
+        return isinstance(value, Past)
 
     @property
     def past(self) -> Past:

@@ -31,7 +31,7 @@ class Accelerations:
 
     entry: Formalism
     solve: Callable[..., tuple[np.ndarray, np.ndarray]]
-    own: tuple[str, ...]
+    option_names: tuple[str, ...]
 
     def motion(
         self,
@@ -49,7 +49,7 @@ class Accelerations:
         """
         options = {**self.entry.options, **options}
         now = instant(kernels, q, qd, t, p, rows, self.gains(options))
-        qdd, lam = now.accelerations(*self.solve(now, **{name: options[name] for name in self.own}))
+        qdd, lam = now.accelerations(*self.solve(now, **{name: options[name] for name in self.option_names}))
         power = float(kernels.energy(q, qd, t, p)[2] - kernels.nu(q, t, p) @ lam)
         return Motion(t=t, q=q, qd=qd, qdd=qdd, lam=lam, power=power, iterations=0)
 
@@ -69,6 +69,6 @@ def accelerations_by(name: str) -> Accelerations:
 
 def accelerations_of(formalism: Formalism) -> Accelerations:
     """The accelerations of an entry over all coordinates, which a user's own object may have made."""
-    if formalism.own is None:
+    if formalism.user_object is None:
         return accelerations_by(formalism.name)
-    return Accelerations(formalism, partial(solved_by, formalism.own), ())
+    return Accelerations(formalism, partial(solved_by, formalism.user_object), ())

@@ -28,8 +28,8 @@ def acceleration_jacobians(
 
     Forces of Python functions are not in it. Raises SingularError where accelerations are not determined.
     """
-    own, none = np.eye(kernels.n), np.zeros((kernels.n, kernels.n))
-    change = acceleration_changes(kernels, now, (np.hstack([own, none]), np.hstack([none, own])), p, rows, gains)
+    identity, none = np.eye(kernels.n), np.zeros((kernels.n, kernels.n))
+    change = acceleration_changes(kernels, now, (np.hstack([identity, none]), np.hstack([none, identity])), p, rows, gains)
     return change[:, : kernels.n], change[:, kernels.n :]
 
 
@@ -68,26 +68,26 @@ def input_accelerations(kernels: Kernels, now: Motion, p: np.ndarray, rows: np.n
 def multiplier_changes(kernels: Kernels, partition: Partition, now: Motion, p: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     """dλ (m, k) with changes of q, q̇, q̈ and p in k directions that the balance allows; rows that are not kept get zero."""
     t, q, qd = now.t, now.q, now.qd
-    slopes = (
+    derivatives = (
         kernels.stiffness(q, qd, now.qdd, now.lam, t, p),
         kernels.damping(q, qd, t, p),
         kernels.mass_matrix(q, t, p),
         kernels.balance_p(q, qd, now.qdd, now.lam, t, p),
     )
-    right = np.sum([slope @ change for slope, change in zip(slopes, changes, strict=True)], axis=0)
+    right = np.sum([derivative @ change for derivative, change in zip(derivatives, changes, strict=True)], axis=0)
     frame = kinematics(kernels, partition, q, t, p)
     return -frame.multipliers(right, kernels.m)
 
 
 def rate_slope(kernels: Kernels, now: Motion, p: np.ndarray | None = None) -> np.ndarray:
     """∂(Φ_q q̇ − ν)/∂q, (m, n): half of ∂Φ̈/∂q̇ for equations of position, whose Φ̈ is quadratic in q̇."""
-    slope = kernels.phidd_qd(now.q, now.qd, now.t, p).toarray() / 2
+    derivative = kernels.phidd_qd(now.q, now.qd, now.t, p).toarray() / 2
     if len(kernels.holonomic) < kernels.m:
         rolling = np.setdiff1d(np.arange(kernels.m), kernels.holonomic)
         # Φ̈ = Φ_q q̈ − γ: what q̈ = q̇ adds to its slope is that of Φ_q q̇.
         moving, still = (kernels.phidd_q(now.q, now.qd, x, now.t, p).toarray() for x in (now.qd, 0.0 * now.qd))
-        slope[rolling] = (moving - still)[rolling]
-    return slope
+        derivative[rolling] = (moving - still)[rolling]
+    return derivative
 
 
 def full_jacobian(
@@ -120,10 +120,10 @@ def independent_motions(
     kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """∂q/∂z, ∂q̇/∂ż and ∂q̇/∂z over all coordinates."""
-    place = kinematics(kernels, partitions.position, now.q, now.t, p)
+    position = kinematics(kernels, partitions.position, now.q, now.t, p)
     rate = kinematics(kernels, partitions.velocity, now.q, now.t, p)
-    bias = rate_slope(kernels, now, p) @ place.R
-    return place.R, rate.R, -rate.particular(bias)
+    bias = rate_slope(kernels, now, p) @ position.R
+    return position.R, rate.R, -rate.particular(bias)
 
 
 def _position_rows(kernels: Kernels, jacobian: np.ndarray) -> np.ndarray:

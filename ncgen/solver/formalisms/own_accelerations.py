@@ -11,8 +11,8 @@ from ncgen.solver.formalisms.instant import InstantMatrices
 
 def solved_by(formalism: OwnFormalism, now: InstantMatrices) -> tuple[np.ndarray, np.ndarray]:
     """Accelerations (n,) of the object and multipliers (k,): Φ_qᵀ λ = Q − M q̈. Raises what the object's function raises."""
-    for given in (now.mass, now.jacobian, now.force, now.gamma):
-        given.flags.writeable = False  # the multipliers need them as they are
+    for matrix in (now.mass, now.jacobian, now.force, now.gamma):
+        matrix.flags.writeable = False  # the multipliers need them as they are
     returned, where = formalism.accelerations(now), f"formalism {shown(formalism.name)}"
     try:
         x = None if np.iscomplexobj(returned) else np.array(returned, dtype=float)

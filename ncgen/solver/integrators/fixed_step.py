@@ -40,12 +40,12 @@ class FixedRungeKutta(OdeSolver):
     def _step_impl(self) -> tuple[bool, str | None]:
         left = self.t_bound - self.t
         h = left if left <= (1 + ROUNDING) * self._step else self._step
-        slopes, end = [self.f], self.y
+        derivatives, end = [self.f], self.y
         for node, row in zip(self._nodes[1:], self._rows, strict=False):
-            end = self.y + h * (row @ np.array(slopes))
-            slopes.append(self.fun(self.t + node * h, end))
+            end = self.y + h * (row @ np.array(derivatives))
+            derivatives.append(self.fun(self.t + node * h, end))
         self._before = self.t, self.y, self.f
-        self.t, self.y, self.f = self.t_bound if h == left else self.t + h, end, slopes[-1]
+        self.t, self.y, self.f = self.t_bound if h == left else self.t + h, end, derivatives[-1]
         return True, None
 
     def _dense_output_impl(self) -> DenseOutput:

@@ -81,14 +81,14 @@ def values_of(space: JointDynamics) -> np.ndarray:
     """The inertial parameters π at the parameters of the space (10 · bodies,): kg, kg m, kg m²."""
     model, parameters = space.kernels.model, np.zeros((len(space.tree.links), len(NAMES)))
     inertias = [link.body.inertia for link in space.tree.links]
-    parts = [(number, part) for number, whole in enumerate(inertias) if whole for part in whole.parts or (whole,)]
+    parts = [(number, inertia) for number, whole in enumerate(inertias) if whole for inertia in whole.parts or (whole,)]
     bases = [link.body.points[0] for link in space.tree.links]
-    values = [x for number, part in parts for x in (part.mass, *part.com, *part.tensor.flat, *bases[number].given)]
+    values = [x for number, inertia in parts for x in (inertia.mass, *inertia.com, *inertia.tensor.flat, *bases[number].given)]
     program = space.kernels.remember("values of inertias", (), lambda: assemble_values(model, values))
     numbers = evaluate_rows(program, np.append(space.p, 0.0)[None])[0].reshape(len(parts), VALUES)  # also of a model without parameters
-    own = frames(space)
+    link_frames = frames(space)
     for (number, _), (mass, *rest) in zip(parts, numbers, strict=True):
-        rotation, position = own[number].rotation, own[number].position + np.array(rest[12:]) - bases[number].initial
+        rotation, position = link_frames[number].rotation, link_frames[number].position + np.array(rest[12:]) - bases[number].initial
         arm = rotation.T @ (np.array(rest[:3]) - position)
         tensor = rotation.T @ np.reshape(rest[3:12], (3, 3)) @ rotation + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
         parameters[number] += [mass, *(mass * arm), *(tensor[i, j] for i, j in ENTRIES)]

@@ -23,7 +23,7 @@ STARTS = 8
 """From how many joint values it is begun, within 1 rad or m of the start."""
 
 TARGET_TOLERANCE = 1e-9
-"""What may be left of a place, over the mechanism's size, and of a rotation."""
+"""What may be left of a position, over the mechanism's size, and of a rotation."""
 
 ROUNDING = 1e-15
 """What is left, likewise, where a search ends."""
@@ -77,24 +77,24 @@ class _PointOfBody:
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """What is to be where. rotation (3, 3), place (3,) in m: as it shall be, None for any"""
+    """What is to be where. rotation (3, 3), position (3,) in m: as it shall be, None for any"""
 
     carried: Carried
     rotation: np.ndarray | None
-    place: np.ndarray | None
+    position: np.ndarray | None
 
 
 def aims_of(
-    space: JointKinematics, point: str | Mapping[str, Target], place: ArrayLike | None, rotation: ArrayLike | None, body: str | None
+    space: JointKinematics, point: str | Mapping[str, Target], position: ArrayLike | None, rotation: ArrayLike | None, body: str | None
 ) -> list[Aim]:
-    """As `JointSpace.inverse_kinematics` takes them. Raises ModelError for what is no point or frame, no place or no rotation."""
+    """As `JointSpace.inverse_kinematics` takes them. Raises ModelError for what is no point or frame, no position or no rotation."""
     if isinstance(point, Mapping):
-        if not (place is None and rotation is None and body is None):
-            raise ModelError("place, rotation and body are those of a point; of frames give {frame: (rotation, position)} alone")
+        if not (position is None and rotation is None and body is None):
+            raise ModelError("position, rotation and body are those of a point; of frames give {frame: (rotation, position)} alone")
         return _aims_of_frames(space, point)
     if isinstance(point, str) and point not in space.kernels.model.elements and point in space.kernels.model.frames and body is None:
-        return _aims_of_frames(space, {point: (rotation, place)})
-    target, carried = _place(place, "place"), _PointOfBody(space, point, body)
+        return _aims_of_frames(space, {point: (rotation, position)})
+    target, carried = _target_position(position, "position"), _PointOfBody(space, point, body)
     return [Aim(carried, None if rotation is None else rotation_of(rotation, "rotation"), target)]
 
 
@@ -102,21 +102,21 @@ def _aims_of_frames(space: JointKinematics, targets: Mapping[str, Target]) -> li
     """Raises ModelError for what is no frame, or no target of one."""
     aims = []
     for name, target in targets.items():
-        frame, what = space.frame(name), f"frame {given.echo(name)}"
+        frame, label = space.frame(name), f"frame {given.echo(name)}"
         if not (isinstance(target, (tuple, list)) and len(target) == 2 and any(half is not None for half in target)):
-            raise ModelError(f"{what}: give (rotation (3, 3), position (3,) in m), one of which may be None, and not {given.echo(target)}")
-        turn, place = target
-        rotation = None if turn is None else rotation_of(turn, f"{what}: rotation")
-        aims.append(Aim(frame, rotation, None if place is None else _place(place, f"{what}: position")))
+            raise ModelError(f"{label}: give (rotation (3, 3), position (3,) in m), one of which may be None, and not {given.echo(target)}")
+        turn, position = target
+        rotation = None if turn is None else rotation_of(turn, f"{label}: rotation")
+        aims.append(Aim(frame, rotation, None if position is None else _target_position(position, f"{label}: position")))
     if not aims:
-        raise ModelError(f"{space.kernels.name}: there is nothing to reach; give a point and a place, or {{frame: (rotation, position)}}")
+        raise ModelError(f"{space.kernels.name}: nothing to reach; give a point and a position, or {{frame: (rotation, position)}}")
     return aims
 
 
-def _place(place: ArrayLike | None, what: str) -> np.ndarray:
-    position = array_of([] if place is None else place, (3,), what)
+def _target_position(argument: ArrayLike | None, label: str) -> np.ndarray:
+    position = array_of([] if argument is None else argument, (3,), label)
     if np.max(np.abs(position)) > MAX_NUMBER:
-        raise ModelError(f"{what}: {np.max(np.abs(position)):g} m given; {MAX_NUMBER:g} m is the farthest, check the unit")
+        raise ModelError(f"{label}: {np.max(np.abs(position)):g} m given; {MAX_NUMBER:g} m is the farthest, check the unit")
     return position
 
 
@@ -169,7 +169,7 @@ class _Search:
         ends = [self.limits.get(name, (-np.inf, np.inf)) for name in space.rates]
         self.low, self.high = (np.array(each, dtype=float) for each in zip(*ends, strict=True))
         self.size = float(np.max(space.kernels.column_sizes))
-        self.count = sum((0 if aim.place is None else 3) + (0 if aim.rotation is None else 9) for aim in aims)
+        self.count = sum((0 if aim.position is None else 3) + (0 if aim.rotation is None else 9) for aim in aims)
         self._balls = list(_balls(space))
         self._known: tuple[np.ndarray, np.ndarray | None] = np.full(space.n, np.nan), None
 
@@ -191,12 +191,12 @@ class _Search:
         x = np.clip(x, self.low, self.high)
         left, damping = self.left(x), 1e-3
         for _ in range(MAX_STEPS):
-            slope = self.slope(x)
-            uphill = slope.T @ left
+            derivative = self.slope(x)
+            uphill = derivative.T @ left
             free = ~((x <= self.low) & (uphill > 0) | (x >= self.high) & (uphill < 0))
             if np.max(np.abs(left)) <= ROUNDING or not np.any(free):
                 break
-            across, sizes, along = np.linalg.svd(slope[:, free], full_matrices=False)
+            across, sizes, along = np.linalg.svd(derivative[:, free], full_matrices=False)
             downhill, most = across.T @ left, float(np.max(sizes, initial=0.0))
             while damping <= 1e6:
                 step = np.zeros_like(x)
@@ -233,13 +233,13 @@ class _Search:
         return ""
 
     def left(self, x: np.ndarray) -> np.ndarray:
-        """Shape (count,): of places over the mechanism's size, of rotations as they are."""
+        """Shape (count,): of positions over the mechanism's size, of rotations as they are."""
         if (q := self._placed(x)) is None:  # a shorter step is taken
             return np.full(self.count, OPEN_LOOP_RESIDUAL)
         parts = []
         for aim in self.aims:
-            turn, place = aim.carried.pose(q)
-            parts += [] if aim.place is None else [(place - aim.place) / self.size]
+            turn, position = aim.carried.pose(q)
+            parts += [] if aim.position is None else [(position - aim.position) / self.size]
             parts += [] if aim.rotation is None else [(turn - aim.rotation).T.ravel()]
         return np.concatenate(parts)
 
@@ -250,7 +250,7 @@ class _Search:
         parts = []
         for aim in self.aims:
             jacobian = aim.carried.jacobian(q)
-            parts += [] if aim.place is None else [jacobian[:3] / self.size]
+            parts += [] if aim.position is None else [jacobian[:3] / self.size]
             if aim.rotation is not None:
                 parts += [np.cross(jacobian[3:].T, column).T for column in aim.carried.pose(q)[0].T]
         rows = np.concatenate(parts)
@@ -262,24 +262,24 @@ class _Search:
         Such a joint turns what it carries by exp θ next to its parent, in global axes: ω = J θ̇ + (exp θ − 1) ω_parent, with the left
         Jacobian J = 1 + (1 − cos |θ|)/|θ|² θ× + (|θ| − sin |θ|)/|θ|³ θ×θ×.
         """
-        space, own, others = self.space, np.eye(len(x)), np.zeros((len(x), len(x)))
+        space, independent, others = self.space, np.eye(len(x)), np.zeros((len(x), len(x)))
         for where, path in self._balls:
             vector = x[where]
             angle, across = float(np.linalg.norm(vector)), np.cross(vector, np.eye(3)).T
             third = (angle - np.sin(angle)) / angle**3 if angle > SERIES_ANGLE else 1 / 6
-            own[np.ix_(where, where)] = np.eye(3) + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * across + third * across @ across
+            independent[np.ix_(where, where)] = np.eye(3) + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * across + third * across @ across
             if path:
                 turning = space.screws(q)[path, :3].T @ space._spread(q)[0][path]
                 others[where] = (Rotation.from_rotvec(vector).as_matrix() - np.eye(3)) @ turning
-        return np.linalg.solve(np.eye(len(x)) - others, own)
+        return np.linalg.solve(np.eye(len(x)) - others, independent)
 
     def missed(self, x: np.ndarray) -> str:
         """Who does not get there, and what is left: metres and rad."""
         left, misses = self.left(x).tolist(), []
         for aim in self.aims:
-            place, left = (left[:3], left[3:]) if aim.place is not None else ([], left)
+            position, left = (left[:3], left[3:]) if aim.position is not None else ([], left)
             turn, left = (left[:9], left[9:]) if aim.rotation is not None else ([], left)
             angle = 2 * np.arcsin(min(1.0, np.linalg.norm(turn) / np.sqrt(8)))  # |A − B|² = 8 sin²(θ/2) of rotations that are θ apart
-            remainders = [f"{np.linalg.norm(place) * self.size:.3g} m"] * bool(place) + [f"{angle:.3g} rad"] * bool(turn)
-            misses.append((max(map(abs, place + turn)), f"{aim.carried.name} does not get there, {' and '.join(remainders)} are left"))
+            remainders = [f"{np.linalg.norm(position) * self.size:.3g} m"] * bool(position) + [f"{angle:.3g} rad"] * bool(turn)
+            misses.append((max(map(abs, position + turn)), f"{aim.carried.name} does not get there, {' and '.join(remainders)} are left"))
         return max(misses)[1]

@@ -24,7 +24,7 @@ SLOPES = {
 """The programs of derivatives, and what they take."""
 
 
-class InverseSlopes(NamedTuple):
+class InverseDerivatives(NamedTuple):
     """How the forces of inverse dynamics change with positions, rates and accelerations of the joints, each (…, n, n): row by row."""
 
     position: np.ndarray
@@ -32,7 +32,7 @@ class InverseSlopes(NamedTuple):
     acceleration: np.ndarray
 
 
-class ForwardSlopes(NamedTuple):
+class ForwardDerivatives(NamedTuple):
     """How the accelerations of forward dynamics change with positions and rates of the joints and with forces, each (…, n, n)."""
 
     position: np.ndarray
@@ -314,7 +314,7 @@ class JointDynamics(JointKinematics):
         """
         return identification.base_parameters(self, tolerance)
 
-    def inverse_dynamics_derivatives(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
+    def inverse_dynamics_derivatives(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseDerivatives:
         """Compute the exact derivatives of `inverse_dynamics`.
 
         That by a position is along the motion of a joint at rate 1; rates and accelerations keep their numbers.
@@ -330,15 +330,15 @@ class JointDynamics(JointKinematics):
 
         Returns
         -------
-        InverseSlopes
+        InverseDerivatives
             Derivatives by positions, rates and accelerations of the joints.
         """
         q, v, a = self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a")
-        return InverseSlopes(*self._slopes("joint_inverse_tangent", 0.0, q, v, a), self.mass_matrix(q))
+        return InverseDerivatives(*self._slopes("joint_inverse_tangent", 0.0, q, v, a), self.mass_matrix(q))
 
     def forward_dynamics_derivatives(
         self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0
-    ) -> ForwardSlopes:
+    ) -> ForwardDerivatives:
         """Compute the exact derivatives of `forward_dynamics`, the model's own forces included.
 
         Positions are as for `inverse_dynamics_derivatives`.
@@ -356,7 +356,7 @@ class JointDynamics(JointKinematics):
 
         Returns
         -------
-        ForwardSlopes
+        ForwardDerivatives
             Derivatives by positions and rates of the joints and by forces.
         """
         q, v = self._array(q), self._over_rates(v, "v")
@@ -367,14 +367,14 @@ class JointDynamics(JointKinematics):
         )
         unit = np.broadcast_to(np.eye(self.n), needed[0].shape)
         solved = self._solved(q, np.concatenate([*(b - a for a, b in zip(needed, applied, strict=True)), unit], axis=-1))
-        return ForwardSlopes(*(np.array(part) for part in np.split(solved, 3, axis=-1)))
+        return ForwardDerivatives(*(np.array(block) for block in np.split(solved, 3, axis=-1)))
 
     def _slopes(self, name: str, t: float, *state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """By positions and by rates (…, n, n), one direction after the other."""
         spread = [array[..., None, :] for array in state]
         unit, none = np.eye(self.n), np.zeros((self.n, self.n))
         parts = (self._slope_functions(name, t, *spread, self.p, *along) for along in ((unit, none), (none, unit)))
-        by_position, by_rate = (np.swapaxes(part, -1, -2) for part in parts)
+        by_position, by_rate = (np.swapaxes(half, -1, -2) for half in parts)
         return by_position, by_rate
 
     @cached_property
@@ -385,6 +385,6 @@ class JointDynamics(JointKinematics):
     @cached_property
     def _regressor_functions(self) -> ProgramFunctions:
         """Likewise; they depend on where the frames of links are."""
-        own = identification.frames(self)
-        inputs, size = {"joint_regressor": self.inputs["joint_inverse"]}, 10 * len(own) * self.n
-        return self._functions_of("regressor", inputs, lambda: {"joint_regressor": size}, f"regressor_{identification.key_of(own)}")
+        link_frames = identification.frames(self)
+        inputs, size = {"joint_regressor": self.inputs["joint_inverse"]}, 10 * len(link_frames) * self.n
+        return self._functions_of("regressor", inputs, lambda: {"joint_regressor": size}, f"regressor_{identification.key_of(link_frames)}")

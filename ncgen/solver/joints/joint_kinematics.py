@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
+from ncgen.files import argument_was
 from ncgen.model.elements import Point
 from ncgen.solver import given
 from ncgen.solver.frames import transformation
@@ -27,16 +28,17 @@ FRAMES = ("global", "local", "spatial")
 class JointKinematics(JointPositions):
     """Positions, velocities and Jacobians: what `JointSpace` answers without forces."""
 
+    @argument_was("place", "position")
     def inverse_kinematics(
         self,
         point: str | Mapping[str, Target],
-        place: ArrayLike | None = None,
+        position: ArrayLike | None = None,
         rotation: ArrayLike | None = None,
         body: str | None = None,
         start: Mapping[str, float] | None = None,
         limits: bool = True,
     ) -> dict[str, float]:
-        """Compute values of the joints that bring frames to poses, or a point to a place.
+        """Compute values of the joints that bring frames to poses, or a point to a position.
 
         The solution is by least squares from a start, and from some next to it. Joints that are at a limit are named in a warning.
 
@@ -45,7 +47,7 @@ class JointKinematics(JointPositions):
         point : str or dict
             Targets {frame: (rotation (3, 3), position (3,) in m)} as `LinkFrame.pose` gives them, None for any rotation or position; or
             the name of a point, to which the next three arguments belong.
-        place : array_like, optional
+        position : array_like, optional
             Position (3,) of the point in m.
         rotation : array_like, optional
             Rotation (3, 3) of the body since the initial position; None for any.
@@ -68,7 +70,7 @@ class JointKinematics(JointPositions):
         """
         from ncgen.solver.joints.inverse_kinematics import aims_of, values_for
 
-        return values_for(self, aims_of(self, point, place, rotation, body), self._joint_values(start, "start"), limits)
+        return values_for(self, aims_of(self, point, position, rotation, body), self._joint_values(start, "start"), limits)
 
     def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
         """Compute the centre of mass of all bodies that move.

@@ -86,8 +86,8 @@ class JointsInLoops(JointSpace):
             Natural coordinates, shape (…, n_q).
         """
         x = self._checked(x, self.n, "x", "rates")
-        places = [self.closed(one)[1] for one in x.reshape(-1, self.n)]
-        return np.array(places).reshape(*x.shape[:-1], self.kernels.n)
+        positions = [self.closed(one)[1] for one in x.reshape(-1, self.n)]
+        return np.array(positions).reshape(*x.shape[:-1], self.kernels.n)
 
     def closed(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Compute displacements and position at values of the independent joints.
@@ -117,11 +117,11 @@ class JointsInLoops(JointSpace):
         step = first = min(1.0, MAX_STEP / max(far, 1e-300))
         done = 0.0
         while done < 1.0:
-            share = min(1.0, done + step)
+            fraction = min(1.0, done + step)
             ahead = x.copy()
-            ahead[self.free] = wanted if share == 1.0 else start + share * (wanted - start)
+            ahead[self.free] = wanted if fraction == 1.0 else start + fraction * (wanted - start)
             if (newton := self._newton(ahead)) is not None:
-                (x, q), done = newton, share
+                (x, q), done = newton, fraction
             elif step < MIN_STEP_FRACTION * first:
                 values = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.rates, ahead[self.free], strict=True))
                 raise ConvergenceError(f"{self.kernels.name}: loops do not close where {values[:200]}; choose other values")
@@ -191,12 +191,12 @@ class JointsInLoops(JointSpace):
 
         return json.loads(recall.derived(self.kernels.programs, "layout of joints in loops", layout_text)["layout"])
 
-    def made(self, what: Made) -> dict[str, Program]:
+    def made(self, group: Made) -> dict[str, Program]:
         """Assemble the programs.
 
         Parameters
         ----------
-        what : str
+        group : str
             Which group of programs.
 
         Returns
@@ -204,7 +204,7 @@ class JointsInLoops(JointSpace):
         dict of str to Program
             The programs by name.
         """
-        return self._work.programs(what)
+        return self._work.programs(group)
 
     @cached_property
     def _work(self) -> JointLoops:

@@ -30,20 +30,21 @@ def followed_by(kernels: Kernels, tree: Tree) -> dict[int, tuple[int, float]]:
         raise ModelError(f"{kernels.name}: joint space needs one tree of bodies; {others[0]} belongs to none")
     moved = _columns(kernels, tree, where)
     jacobian = kernels.jacobian(kernels.q0)
-    own = sorted(relative)
+    columns = sorted(relative)
     # Rows over relative coordinates and rates: each relative coordinate has one row of its own, the others must vanish.
-    over_rates, over_own = jacobian @ moved, jacobian[:, own]
-    shares = -np.linalg.lstsq(over_own, over_rates, rcond=None)[0] if own else np.zeros((0, moved.shape[1]))
+    over_rates, over_own = jacobian @ moved, jacobian[:, columns]
+    shares = -np.linalg.lstsq(over_own, over_rates, rcond=None)[0] if columns else np.zeros((0, moved.shape[1]))
     left = np.abs(over_rates + over_own @ shares) / kernels.row_sizes[:, None]
     if left.size and left.max() > ROW_TOLERANCE:
         row = kernels.rows[int(np.argmax(left.max(axis=1)))]
-        raise ModelError(f"{kernels.name}: row {row.label} ({row.owner}) closes a loop")
+        raise ModelError(f"{kernels.name}: constraint {row.label} ({row.owner}) closes a loop")
     followed = {}
-    for c, share in zip(own, shares, strict=True):
-        k = int(np.argmax(np.abs(share)))
-        if np.max(np.abs(np.delete(share, k)), initial=0.0) > COEFFICIENT_TOLERANCE * abs(share[k]):
+    for c, coefficients in zip(columns, shares, strict=True):
+        k = int(np.argmax(np.abs(coefficients)))
+        if np.max(np.abs(np.delete(coefficients, k)), initial=0.0) > COEFFICIENT_TOLERANCE * abs(coefficients[k]):
             raise ModelError(f"{kernels.name}: joint space needs coordinates of single joints; {kernels.coordinates[c]} is that of none")
-        followed[c] = k, float(np.sign(share[k])) if abs(abs(share[k]) - 1.0) < COEFFICIENT_TOLERANCE else float(share[k])
+        is_unit = abs(abs(coefficients[k]) - 1.0) < COEFFICIENT_TOLERANCE
+        followed[c] = k, float(np.sign(coefficients[k]) if is_unit else coefficients[k])
     return followed
 
 
@@ -64,9 +65,9 @@ def _screw(screw: Screw) -> np.ndarray:
     return np.concatenate([np.zeros(3), axis]) if screw.point is None else np.concatenate([axis, np.cross(screw.point.initial, axis)])
 
 
-def carried(twist: np.ndarray, place: np.ndarray, is_point: bool) -> np.ndarray:
+def carried(twist: np.ndarray, vector: np.ndarray, is_point: bool) -> np.ndarray:
     """The velocity of a point or vector that moves with a twist (…, 6)."""
-    turned = np.cross(twist[..., :3], place)
+    turned = np.cross(twist[..., :3], vector)
     return twist[..., 3:] + turned if is_point else turned
 
 

@@ -124,10 +124,10 @@ class JointPositions(ABC):
             Natural coordinates, shape (…, n_q).
         """
 
-    def _joint_values(self, values: Mapping[str, float] | None, what: str) -> np.ndarray:
+    def _joint_values(self, values: Mapping[str, float] | None, label: str) -> np.ndarray:
         """Values of all joints (n,): those given by name, else the initial ones."""
         joint_values = self.values(self.kernels.start(self.p))
-        for name, value in given.numbers_by_name({} if values is None else values, self.rates, what, "joint").items():
+        for name, value in given.numbers_by_name({} if values is None else values, self.rates, label, "joint").items():
             joint_values[self.rates.index(name)] = value
         return joint_values
 
@@ -172,14 +172,14 @@ class JointPositions(ABC):
         return self._functions_of("basics", self.inputs, self._sizes)
 
     def _functions_of(
-        self, what: Made, inputs: Mapping[str, tuple[str, ...]], sizes: Callable[[], dict[str, int]], kind: str = ""
+        self, group: Made, inputs: Mapping[str, tuple[str, ...]], sizes: Callable[[], dict[str, int]], kind: str = ""
     ) -> ProgramFunctions:
         """Functions that are the same at all parameters. kind: a word for them, where they depend on more than the equations"""
 
         def make() -> ProgramFunctions:
-            return functions(self.kernels, f"{self.kind}_{kind or what}", inputs, sizes(), self._counts(), partial(self.made, what))
+            return functions(self.kernels, f"{self.kind}_{kind or group}", inputs, sizes(), self._counts(), partial(self.made, group))
 
-        return self.kernels.remember("joint space functions", what, make)
+        return self.kernels.remember("joint space functions", group, make)
 
     def _counts(self) -> dict[str, int]:
         """{input of a function: how many numbers it has}."""
@@ -192,12 +192,12 @@ class JointPositions(ABC):
         return {f"joint_{name}": size for name, size in (sizes | {"momenta": 4 + 6 * joints}).items()}
 
     @abstractmethod
-    def made(self, what: Made) -> dict[str, Program]:
+    def made(self, group: Made) -> dict[str, Program]:
         """Assemble the programs.
 
         Parameters
         ----------
-        what : str
+        group : str
             Which group of programs.
 
         Returns
@@ -216,10 +216,10 @@ class JointPositions(ABC):
         """Numbers over the rates; zero for None."""
         return np.zeros(self.n) if values is None else self._checked(values, self.n, name, "rates")
 
-    def _checked(self, values: ArrayLike, count: int, name: str, what: str) -> np.ndarray:
+    def _checked(self, values: ArrayLike, count: int, name: str, noun: str) -> np.ndarray:
         array = given.numbers_of(values, name)
         if array.shape[-1:] != (count,):
-            raise ModelError(f"{name}: its shape is {array.shape}, and {self.kernels.name} has {count} {what}; give (…, {count})")
+            raise ModelError(f"{name}: its shape is {array.shape}, and {self.kernels.name} has {count} {noun}; give (…, {count})")
         return array
 
     @cached_property

@@ -115,12 +115,12 @@ class JointsOfTree(JointSpace):
     def _own(self) -> Mapping[int, int]:
         return {c: k for c, (k, _) in self.followed.items()}
 
-    def made(self, what: Made) -> dict[str, Program]:
+    def made(self, group: Made) -> dict[str, Program]:
         """Assemble the programs.
 
         Parameters
         ----------
-        what : str
+        group : str
             Which group of programs.
 
         Returns
@@ -128,4 +128,4 @@ class JointsOfTree(JointSpace):
         dict of str to Program
             The programs by name.
         """
-        return assemble_joint_space(self.kernels.programs.equations, self.followed, what)
+        return assemble_joint_space(self.kernels.programs.equations, self.followed, group)

@@ -92,7 +92,7 @@ class LinkFrame:
             back, now = np.swapaxes(self.pose(q)[0], -1, -2), self.jacobian(q)
             spin = self.velocity(q, v)[..., 3:, None]
             parts = (now[..., :3, :], now[..., 3:, :])
-            halves = [back @ (half - np.cross(spin, part, axis=-2)) for half, part in zip(halves, parts, strict=True)]
+            halves = [back @ (half - np.cross(spin, block, axis=-2)) for half, block in zip(halves, parts, strict=True)]
         return np.concatenate(halves, axis=-2) + self._moved(q, space._spread_rate(q, v)[..., self._path, :], reference)
 
     def _screws(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

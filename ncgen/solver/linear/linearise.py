@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.emit.c.linear import linear_header
 from ncgen.errors import ModelError, counted, warn
-from ncgen.files import output_was, path_of, write_text
+from ncgen.files import argument_was, path_of, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
 from ncgen.solver.finite import watched
@@ -130,9 +130,9 @@ class Linearisation:
             Zeros (1/s), complex.
         """
         self._check_ports()
-        for name, known, what in ((output, self.outputs, "output"), (input, self.inputs, "input")):
+        for name, known, kind in ((output, self.outputs, "output"), (input, self.inputs, "input")):
             if name is not None:
-                known_name(name, known, "zeros", what)
+                known_name(name, known, "zeros", kind)
         i, j = self.outputs.index(output or self.outputs[0]), self.inputs.index(input or self.inputs[0])
         return zeros_of(self.matrix, self.B[:, j], self.C[i], float(self.D[i, j]))
 
@@ -154,7 +154,7 @@ class Linearisation:
 
         return StateSpace(self.matrix, self.B, self.C, self.D)
 
-    @output_was("path")
+    @argument_was("path")
     def to_c(self, output: str | os.PathLike[str]) -> Path:
         """Write the matrices as a C header for a controller or an observer, with names for the indices of their rows and columns.
 
@@ -173,10 +173,10 @@ class Linearisation:
         NcgenError
             If the file cannot be written.
         """
-        place = path_of(output)
+        path = path_of(output)
         matrices = {"A": self.matrix, "B": self.B, "C": self.C, "D": self.D}
         names = {"state": self.states, "input": self.inputs, "output": self.outputs}
-        return write_text(place, linear_header(place.stem, self._kind_of_point, matrices, names))
+        return write_text(path, linear_header(path.stem, self._kind_of_point, matrices, names))
 
     @property
     def _kind_of_point(self) -> str:
@@ -246,8 +246,8 @@ class Linearisation:
         """True if no eigenvalue grows, up to rounding, which of a zero that is there more than once becomes its root."""
         values, count = self.eigenvalues, len(self.positions)
         halves = (np.hsplit(half, [count]) for half in np.vsplit(self.matrix, [count]))
-        (own, by_rates), (by_place, damping) = ([np.max(np.abs(part), initial=0.0) for part in half] for half in halves)
-        rate = max(np.max(np.abs(values), initial=0.0), own, damping, np.sqrt(by_rates * by_place))
+        (by_positions, by_rates), (by_place, damping) = ([np.max(np.abs(block), initial=0.0) for block in half] for half in halves)
+        rate = max(np.max(np.abs(values), initial=0.0), by_positions, damping, np.sqrt(by_rates * by_place))
         growing = np.real(values)[np.abs(values) > ZERO * rate]
         return bool(np.max(growing, initial=0.0) <= 1e-8 * np.max(np.abs(values), initial=0.0))
 
@@ -291,8 +291,8 @@ def linearise(kernels: Kernels, **arguments: Unpack[StartArguments]) -> Linearis
     q = solve_position(kernels, initial.q, t, p).q
     partitions = choose_partitions(kernels, q, t, p, initial.z or kernels.model.chosen_independent)
     velocities, positions = partitions.velocity.independent, partitions.position.independent
-    given = None if initial.qd is None else given_velocity(kernels, initial.qd, q, t, p)[velocities]
-    rates = independent_rates(kernels, partitions.velocity, initial.zd) if given is None else given
+    start_velocity = None if initial.qd is None else given_velocity(kernels, initial.qd, q, t, p)[velocities]
+    rates = independent_rates(kernels, partitions.velocity, initial.zd) if start_velocity is None else start_velocity
     kernels = watched(kernels)
     now = motion_at(kernels, partitions.velocity, t, q, rates, p)
     swapped = partitioned_jacobian(kernels, partitions, now, p)[:-1, :-1]

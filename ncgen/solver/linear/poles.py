@@ -44,7 +44,7 @@ class Pole:
 
     def __str__(self) -> str:
         sign = f" ± {abs(self.value.imag):.6g}i" if self.value.imag else ""
-        most = ", ".join(f"{name} {100 * share:.0f} %" for name, share in self.participation.items() if share >= 0.005)
+        most = ", ".join(f"{name} {100 * fraction:.0f} %" for name, fraction in self.participation.items() if fraction >= 0.005)
         return f"{self.value.real:.6g}{sign} 1/s: {most}"
 
 

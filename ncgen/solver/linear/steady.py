@@ -68,9 +68,9 @@ class Turn:
         """axis(x) × arm(y), bilinear in components (…, N); order: of the derivative that this is a part of."""
         result = np.zeros(np.broadcast_shapes(x.shape, y.shape))
         axis = x @ self.axis.T + (self.constant if order == 0 else 0.0)
-        for places, is_point in self.moved:
-            arm = y[..., places] - (y @ self.centre.T if is_point else 0.0)
-            result[..., places] = np.cross(axis, arm)
+        for columns, is_point in self.moved:
+            arm = y[..., columns] - (y @ self.centre.T if is_point else 0.0)
+            result[..., columns] = np.cross(axis, arm)
         return result
 
 
@@ -233,18 +233,18 @@ def _null_space(matrix: np.ndarray) -> np.ndarray:
     return right[rank:].T
 
 
-def candidates(kernels: Kernels, places: dict[str, int]) -> list[Shift | Turn]:
+def candidates(kernels: Kernels, indices: dict[str, int]) -> list[Shift | Turn]:
     """Fields that may be symmetries of some mechanism: all that moves is moved, or turned about the origin; a relative coordinate
     grows; what belongs to one body alone turns about an axis of its own.
 
-    places: of all components in the arrays of components
+    indices: of all components in the arrays of components
     """
     model = kernels.model
-    count = len(places)
+    count = len(indices)
     unit = np.eye(count)
 
     def where(element: Element) -> np.ndarray:
-        return np.array([places[c.name] for c in element.components])
+        return np.array([indices[c.name] for c in element.components])
 
     def pick(element: Element) -> np.ndarray:
         return unit[where(element)]
@@ -261,12 +261,12 @@ def candidates(kernels: Kernels, places: dict[str, int]) -> list[Shift | Turn]:
     bodies = [*model.bodies.values()]
     for body in bodies:
         shared = {e for other in (*bodies, model.ground) if other is not body for e in other.elements}
-        own = [e for e in body.elements if e not in shared and not e.fixed]
-        held = [e for e in body.points if e not in own] or body.points
+        elements = [e for e in body.elements if e not in shared and not e.fixed]
+        held = [e for e in body.points if e not in elements] or body.points
         axes = [(pick(u), np.zeros(3)) for u in body.vectors]
         axes += [(pick(b) - pick(a), np.zeros(3)) for a, b in zip(held, held[1:])]
         axes += [(nothing, axis) for axis in np.eye(3)] if not body.vectors else []
         for axis, constant in axes:
-            turned = tuple((where(e), isinstance(e, Point)) for e in own)
+            turned = tuple((where(e), isinstance(e, Point)) for e in elements)
             fields += [Turn(axis=axis, constant=constant, centre=pick(c), moved=turned) for c in held[:1] if turned]
     return fields

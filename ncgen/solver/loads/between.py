@@ -51,7 +51,7 @@ def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, 
     largest: load on any body, to which rounding is compared; between: the two bodies of rows that do not say it, by labels
     """
     model, bonds = run.model, Released(run, build_bonds(run.model))
-    places = {
+    columns_of = {
         element: [bonds.kernels.index[c.name] for c in element.components]
         for element in model.elements.values()
         if isinstance(element, Spatial)
@@ -59,13 +59,13 @@ def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, 
     numbers = [i for i, row in enumerate(model.rows) if row.owner.kind != "body"]
     history = np.zeros((len(run.t), len(numbers), bonds.kernels.n))
     for k, (t, q, lam) in enumerate(zip(run.t, run.q, run.lam, strict=True)):
-        slopes = bonds.kernels.phi_q(bonds.position(q), t, run.kernels.present(t, run.p))[numbers]
-        history[k] = -lam[numbers, None] * slopes.toarray()
-    at = {element: geometry.element(run.kernels, element, run.q, run.p) for element in places}
+        derivatives = bonds.kernels.phi_q(bonds.position(q), t, run.kernels.present(t, run.p))[numbers]
+        history[k] = -lam[numbers, None] * derivatives.toarray()
+    at = {element: geometry.element(run.kernels, element, run.q, run.p) for element in columns_of}
     loads_of_rows = []
     for i, number in enumerate(numbers):
         forces = {}
-        for element, columns in places.items():
+        for element, columns in columns_of.items():
             force = history[:, i, columns]
             felt = np.cross(at[element], force) if isinstance(element, Vector) else force
             if np.max(np.abs(felt), initial=0.0) > FORCE_ROUNDING * largest:
@@ -109,7 +109,7 @@ def _covering(model: Model, owner: Owner, forces: Iterable[Spatial], needs_groun
 def _needs_ground(forces: dict[Spatial, np.ndarray], at: dict[Spatial, np.ndarray]) -> bool:
     arms = {e: np.cross(at[e], f) for e, f in forces.items()}
     for parts in ([f for e, f in forces.items() if isinstance(e, Point)], list(arms.values())):
-        if parts and np.max(np.abs(sum(parts))) > BALANCED * max(np.max(np.abs(part)) for part in parts):
+        if parts and np.max(np.abs(sum(parts))) > BALANCED * max(np.max(np.abs(force)) for force in parts):
             return True
     return False
 
@@ -135,22 +135,22 @@ def loads_between(
             raise _unknown(element.name, body, neighbour, third[0])
     felt: list[tuple[Spatial, np.ndarray]] = [(e, np.stack([loads[c.name] for c in e.components], axis=-1)) for e in shared]
     for row in rows:
-        own = [e for e in row.forces if body in _bearers(row, bodies, e, ground)]
-        if not own:
+        elements = [e for e in row.forces if body in _bearers(row, bodies, e, ground)]
+        if not elements:
             continue
-        partners, unsure = _partners(row, bodies, ground, body), [e for e in own if len(_bearers(row, bodies, e, ground)) > 1]
+        partners, unsure = _partners(row, bodies, ground, body), [e for e in elements if len(_bearers(row, bodies, e, ground)) > 1]
         if neighbour not in partners:
             if any(e in shared for e in unsure):
                 raise _unknown(row.label, body, neighbour, min(partners))
-            felt += [(e, -row.forces[e]) for e in own if e in shared]  # that comes from another one
+            felt += [(e, -row.forces[e]) for e in elements if e in shared]  # that comes from another one
             continue
         if len(partners) > 1:
             raise _unknown(row.label, body, neighbour, min(partners - {neighbour}))
         if held := [e for e in unsure if e not in shared]:
             raise _unknown(f"{row.label} ({held[0].name})", body, neighbour, min(_bearers(row, bodies, held[0], ground) - {body}))
-        felt += [(e, row.forces[e]) for e in own if e not in shared]
+        felt += [(e, row.forces[e]) for e in elements if e not in shared]
     if not (felt or meet):
-        raise ModelError(f"body {body} shares no point and no vector with {neighbour}, and no row ties them")
+        raise ModelError(f"body {body} shares no point and no vector with {neighbour}, and no constraint connects them")
     return felt
 
 
@@ -173,8 +173,8 @@ def _partners(row: RowLoad, bodies: Mapping[str, Body], ground: str, body: str) 
     return opposite or {name for e in row.forces for name in _bearers(row, bodies, e, ground)} - {body}
 
 
-def _unknown(what: str, body: str, neighbour: str, third: str) -> ModelError:
+def _unknown(label: str, body: str, neighbour: str, third: str) -> ModelError:
     return ModelError(
-        f"{what} joins {body} and {neighbour} with {third}, too, so the wrench between two of them is not known; "
+        f"{label} joins {body} and {neighbour} with {third}, too, so the wrench between two of them is not known; "
         "leave neighbour out for that of all joints"
     )

@@ -105,7 +105,7 @@ def driver_forces(run: Trajectory) -> dict[str, np.ndarray]:
 
     A force (N) along the coordinate of a point, a distance or a slide, a couple (N m) about the axis of an angle, positive in the
     direction in which the coordinate grows: times the coordinate's rate it is the driver's power. {} where nothing is driven.
-    Warns where other rows do what a driver does, so that their share is arbitrary.
+    Warns where other constraints do what a driver does, so that their share is arbitrary.
     """
     kernels = run.kernels
     driven = _drivers(kernels)
@@ -113,7 +113,10 @@ def driver_forces(run: Trajectory) -> dict[str, np.ndarray]:
     for row, name in driven.items():
         forces[name] = forces.get(name, np.zeros(len(run.t))) - run.lam[:, row]
     if shared := shared_drivers(run):
-        warn(f"{kernels.name}: the driver of {shared[0]} does what other rows do as well; how they share it is arbitrary")
+        warn(
+            f"{kernels.name}: the driver of {shared[0]} does what other constraints do as well; "
+            "how the load is divided between them is arbitrary"
+        )
     return forces
 
 

@@ -53,10 +53,10 @@ def warn_of_shared(run: Trajectory) -> None:
     for label, output in run.model.outputs.items():
         names = mentioned(output)
         if ambiguous := sorted(names & drivers):
-            warn(f"{run.name}: output {label}: other rows do what {ambiguous[0]} does; one of many shares is given")
+            warn(f"{run.name}: output {label}: other constraints do what {ambiguous[0]} does; one of many possible distributions is given")
         elif changes[label]:
             name, words = next(each for each in _shared(reactions) if each[0] in names)
-            warn(f"{run.name}: output {label}: {name} is not unique ({words}); one of many shares is given")
+            warn(f"{run.name}: output {label}: {name} is not unique ({words}); one of many possible distributions is given")
 
 
 def _changes(reactions: Reactions) -> np.ndarray:
@@ -66,8 +66,8 @@ def _changes(reactions: Reactions) -> np.ndarray:
     for k, added in reactions.changes.items():
         if added.size:
             p = run.kernels.present(float(run.t[k]), run.p)
-            slopes = load_slopes(run.kernels, float(run.t[k]), (run.q[k], run.qd[k], run.qdd[k], run.lam[k], felt[k]), p)
-            changing |= np.any(np.abs(slopes @ added) > REACH_TOLERANCE * (np.abs(slopes) @ np.abs(added)), axis=1)
+            derivatives = load_slopes(run.kernels, float(run.t[k]), (run.q[k], run.qd[k], run.qdd[k], run.lam[k], felt[k]), p)
+            changing |= np.any(np.abs(derivatives @ added) > REACH_TOLERANCE * (np.abs(derivatives) @ np.abs(added)), axis=1)
     return changing
 
 

@@ -53,9 +53,9 @@ class Reactions:
     couples: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        what = f"{len(self.shared)} shared arbitrarily" if self.shared else "all unique"
-        what += f"; {', '.join(self.couples)} as couples" if self.couples else ""
-        return f"<Reactions {self.run.name}: loads on {', '.join(self.loads)}; {what}>"
+        text = f"{len(self.shared)} shared arbitrarily" if self.shared else "all unique"
+        text += f"; {', '.join(self.couples)} as couples" if self.couples else ""
+        return f"<Reactions {self.run.name}: loads on {', '.join(self.loads)}; {text}>"
 
     @property
     def is_determinate(self) -> bool:
@@ -132,19 +132,19 @@ class Reactions:
             If both bodies have nothing in common, or something with a third body, whose load cannot be told from theirs.
         """
         run = self.run
-        place = geometry.element(run.kernels, self._point(about), run.q, run.p)
-        force, moment = np.zeros_like(place), np.zeros_like(place)
+        position = geometry.element(run.kernels, self._point(about), run.q, run.p)
+        force, moment = np.zeros_like(position), np.zeros_like(position)
         for element, load in self._felt_from(body, neighbour):
             at = geometry.element(run.kernels, element, run.q, run.p)
             if isinstance(element, Vector):
                 moment += np.cross(at, load)
             else:
                 force += load
-                moment += np.cross(at - place, load)
+                moment += np.cross(at - position, load)
         for mesh in self.meshes:
             push = mesh.felt(body, neighbour or "") * mesh.force
             force += push
-            moment += np.cross(mesh.point - place, push)
+            moment += np.cross(mesh.point - position, push)
         return force, moment
 
     def _felt_from(self, body: str, neighbour: str | None) -> list[tuple[Element, np.ndarray]]:
@@ -197,12 +197,12 @@ def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reacti
     refuse_pieces(run, "joint reactions")
     shares = [Share(run, body) for body in run.model.bodies.values()]
     pulls, loads, felt = _pulls(run), {}, {}
-    for share in shares:
-        own_pulls = pulls.get(share.body.name, {})
-        history = np.array([_load(share, run, k) for k in range(len(run.t))])
-        history -= np.array([own_pulls.get(c, 0.0 * run.t) for c in share.coordinates]).T
-        loads[share.body.name] = dict(zip(share.coordinates, history.T, strict=True))
-        felt[share.body.name] = _felt(run, share, history)
+    for equations in shares:
+        own_pulls = pulls.get(equations.body.name, {})
+        history = np.array([_load(equations, run, k) for k in range(len(run.t))])
+        history -= np.array([own_pulls.get(c, 0.0 * run.t) for c in equations.coordinates]).T
+        loads[equations.body.name] = dict(zip(equations.coordinates, history.T, strict=True))
+        felt[equations.body.name] = _felt(run, equations, history)
     unique = find_shared(run, shares, felt)
     tooth_meshes, couples = meshes(run, pressure_angle)
     return Reactions(
@@ -231,17 +231,17 @@ def _pulls(run: Trajectory) -> dict[str, dict[str, np.ndarray]]:
     return pulls
 
 
-def _load(share: Share, run: Trajectory, k: int) -> np.ndarray:
+def _load(equations: Share, run: Trajectory, k: int) -> np.ndarray:
     """f = M q̈ − Q + Φ_qᵀ λ of one body at instant k, over its own and all free coordinates."""
-    t, p, part = run.t[k], run.kernels.present(run.t[k], run.p), share.kernels
-    q, qd, qdd = share.position(run.q[k]), share.rate(run.qd[k]), share.rate(run.qdd[k])
-    return part.mass(q, t, p) @ qdd - part.force(q, qd, t, p) + part.phi_q(q, t, p).T @ run.lam[k]
+    t, p, kernels = run.t[k], run.kernels.present(run.t[k], run.p), equations.kernels
+    q, qd, qdd = equations.position(run.q[k]), equations.rate(run.qd[k]), equations.rate(run.qdd[k])
+    return kernels.mass(q, t, p) @ qdd - kernels.force(q, qd, t, p) + kernels.phi_q(q, t, p).T @ run.lam[k]
 
 
-def _felt(run: Trajectory, share: Share, history: np.ndarray) -> np.ndarray:
+def _felt(run: Trajectory, equations: Share, history: np.ndarray) -> np.ndarray:
     """Forces (N) on points and moments (N m) through vectors of a body, (K, elements, 3)."""
-    felt = history[:, share.own].reshape(len(history), -1, 3)
-    for i, element in enumerate(share.body.elements):
+    felt = history[:, equations.own].reshape(len(history), -1, 3)
+    for i, element in enumerate(equations.body.elements):
         if isinstance(element, Vector):
             felt[:, i] = np.cross(geometry.element(run.kernels, element, run.q, run.p), felt[:, i])
     return felt

@@ -105,28 +105,28 @@ def find_shared(run: Trajectory, shares: list[Share], loads: dict[str, np.ndarra
     Positions where more is free to choose than at others are singular and left out, unless the motion stays there.
     """
     instants = np.unique(np.linspace(0, len(run.t) - 1, N_SAMPLES).round().astype(int))
-    idle = [_idle_axes(share.body, loads[share.body.name]) for share in shares]
+    idle = [_idle_axes(equations.body, loads[equations.body.name]) for equations in shares]
     changes = [_changes(run, shares, idle, run.t[k], run.q[k]) for k in map(int, instants)]
     least = min(change[0].shape[1] for change in changes) if shares else 0
     unique, sentences = {}, []
-    for b, share in enumerate(shares):
+    for b, equations in enumerate(shares):
         together = sum(np.abs(change[b] @ change[b].T) for change in changes if change[b].shape[1] == least)
         reached = np.diag(together) > REACH_TOLERANCE**2
-        names = [c.name for e in share.body.elements for c in e.components]
-        unique[share.body.name] = dict(zip(names, (~reached).tolist(), strict=True))
+        names = [c.name for e in equations.body.elements for c in e.components]
+        unique[equations.body.name] = dict(zip(names, (~reached).tolist(), strict=True))
         groups = connected_components(together > REACH_TOLERANCE**2, directed=False)[1] if len(names) else []
         for group in dict.fromkeys(np.asarray(groups)[reached].tolist()):
-            sentences.append(_sentence(share.body, (groups == group).reshape(-1, 3), loads[share.body.name]))
-    units = np.concatenate([_units(share) for share in shares]) if shares else np.zeros(0)
+            sentences.append(_sentence(equations.body, (groups == group).reshape(-1, 3), loads[equations.body.name]))
+    units = np.concatenate([_units(equations) for equations in shares]) if shares else np.zeros(0)
     kept = zip(map(int, instants), changes, strict=True)
     some = {k: np.vstack(change) for k, change in kept if change and change[0].shape[1] == least}
     added = {k: np.where(np.abs(change) > REACH_TOLERANCE, change, 0.0) / units[:, None] for k, change in some.items()}
     return Findings(unique, tuple(sentences), added)
 
 
-def _units(share: Share) -> np.ndarray:
+def _units(equations: Share) -> np.ndarray:
     """How many natural units a load on each component of a body's elements is: a length for forces (m), 1 for moments."""
-    return np.array([share.kernels.length if isinstance(e, Point) else 1.0 for e in share.body.elements for _ in AXES])
+    return np.array([equations.kernels.length if isinstance(e, Point) else 1.0 for e in equations.body.elements for _ in AXES])
 
 
 # -- what can be added ----------------------------------------------------------------------------
@@ -135,79 +135,80 @@ def _units(share: Share) -> np.ndarray:
 def _changes(run: Trajectory, shares: list[Share], idle: list[np.ndarray], t: float, q: np.ndarray) -> list[np.ndarray]:
     """For every body what can be added to the loads on its elements, columns of one basis; in natural units (moments)."""
     n, index = run.kernels.n, run.kernels.index
-    rows = [_own_rows(share, q, t, run.p) for share in shares]
+    rows = [_own_rows(equations, q, t, run.p) for equations in shares]
     bases = [
-        _internal_loads(share, q, axes, own, _rows_on(share, shares, rows)) for share, axes, own in zip(shares, idle, rows, strict=True)
+        _internal_loads(equations, q, axes, body_rows, _rows_on(equations, shares, rows))
+        for equations, axes, body_rows in zip(shares, idle, rows, strict=True)
     ]
     free = []
-    for share, basis in zip(shares, bases, strict=True):
-        part = np.zeros((n, basis.shape[1]))
-        for name, row in zip(share.coordinates, basis, strict=True):
+    for equations, basis in zip(shares, bases, strict=True):
+        columns = np.zeros((n, basis.shape[1]))
+        for name, row in zip(equations.coordinates, basis, strict=True):
             if name in index:
-                part[index[name]] = row
-        free.append(part)
-    owned = {Owner("body", share.body.name) for share in shares}
+                columns[index[name]] = row
+        free.append(columns)
+    owned = {Owner("body", equations.body.name) for equations in shares}
     others = [i for i, row in enumerate(run.kernels.rows) if row.owner not in owned]
     free.append(scaled_jacobian(run.kernels, q, t, run.p)[others].T)
     chosen = null_space(np.hstack(free))
     ends = np.cumsum([basis.shape[1] for basis in bases], dtype=int)
     parts = np.split(chosen, ends)[: len(bases)]
-    return [_felt(share, basis @ part, q) for share, basis, part in zip(shares, bases, parts, strict=True)]
+    return [_felt(equations, basis @ columns, q) for equations, basis, columns in zip(shares, bases, parts, strict=True)]
 
 
-def _own_rows(share: Share, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
+def _own_rows(equations: Share, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """The rows of Φ_q that a body owns and that do not vanish, over its share's coordinates, in natural sizes."""
-    rows = sparse_jacobian(share.kernels, share.position(q), t, p)
+    rows = sparse_jacobian(equations.kernels, equations.position(q), t, p)
     return rows[np.unique(rows.nonzero()[0])].toarray()
 
 
-def _internal_loads(share: Share, q: np.ndarray, idle: np.ndarray, own_rows: np.ndarray, rows_on: np.ndarray) -> np.ndarray:
+def _internal_loads(equations: Share, q: np.ndarray, idle: np.ndarray, own_rows: np.ndarray, rows_on: np.ndarray) -> np.ndarray:
     """An orthonormal basis of a body's internal loads over its share's coordinates.
 
     A body whose rows the user wrote is rigid only as far as these rows say; between its fixed elements it is in any case.
     """
-    motions, own = _rigid_motions(share, q, idle), share.own
+    motions, indices = _rigid_motions(equations, q, idle), equations.own
     held = (
-        np.ones(len(own), dtype=bool)
-        if share.body.rigid
-        else np.array([c.fixed for e in share.body.elements for c in e.components], dtype=bool)
+        np.ones(len(indices), dtype=bool)
+        if equations.body.rigid
+        else np.array([c.fixed for e in equations.body.elements for c in e.components], dtype=bool)
     )
-    balanced = np.zeros((len(share.coordinates), held.sum()))
-    balanced[own[held]] = np.eye(held.sum())
+    balanced = np.zeros((len(equations.coordinates), held.sum()))
+    balanced[indices[held]] = np.eye(held.sum())
     balanced = balanced @ null_space(motions[held].T)
     return orth(np.hstack([balanced, own_rows.T, rows_on]), rcond=RELATIVE_ZERO)
 
 
-def _rigid_motions(share: Share, q: np.ndarray, idle: np.ndarray) -> np.ndarray:
+def _rigid_motions(equations: Share, q: np.ndarray, idle: np.ndarray) -> np.ndarray:
     """Velocities of a body's elements in natural units, columns: three translations, three rotations; along idle axes any."""
-    elements, x = share.body.elements, share.position(q)[share.own].reshape(-1, 3)
+    elements, x = equations.body.elements, equations.position(q)[equations.own].reshape(-1, 3)
     is_point = np.array([isinstance(e, Point) for e in elements], dtype=float)[:, None]
-    size = share.kernels.length
+    size = equations.kernels.length
     arms = np.where(is_point, (x - x[:1]) / size, x)
     columns = [is_point * axis for axis in np.eye(3)] + [np.cross(axis, arms) for axis in np.eye(3)]
     free_loads = np.eye(3 * len(elements))[np.tile(idle, len(elements))]
     return np.vstack([np.reshape(columns, (6, 3 * len(elements))), free_loads]).T
 
 
-def _rows_on(share: Share, shares: list[Share], rows: list[np.ndarray]) -> np.ndarray:
+def _rows_on(equations: Share, shares: list[Share], rows: list[np.ndarray]) -> np.ndarray:
     """Rows that other bodies own between elements of this one, columns; a rigid body needs none of them."""
-    place, columns = {share.coordinates[k]: k for k in share.own}, []
+    index, columns = {equations.coordinates[k]: k for k in equations.own}, []
     for other, matrix in zip(shares, rows, strict=True):
-        if share.body.rigid or other is share:
+        if equations.body.rigid or other is equations:
             continue
         for row in matrix:
             touched = [other.coordinates[k] for k in np.flatnonzero(row)]
-            if all(name in place for name in touched):
-                column = np.zeros(len(share.coordinates))
-                column[[place[name] for name in touched]] = row[row != 0]
+            if all(name in index for name in touched):
+                column = np.zeros(len(equations.coordinates))
+                column[[index[name] for name in touched]] = row[row != 0]
                 columns.append(column)
-    return np.array(columns).reshape(-1, len(share.coordinates)).T
+    return np.array(columns).reshape(-1, len(equations.coordinates)).T
 
 
-def _felt(share: Share, change: np.ndarray, q: np.ndarray) -> np.ndarray:
+def _felt(equations: Share, change: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Changes (3 · elements, k) of forces on points and of moments through vectors."""
-    felt, x = change[share.own], share.position(q)[share.own].reshape(-1, 3)
-    for i, element in enumerate(share.body.elements):
+    felt, x = change[equations.own], equations.position(q)[equations.own].reshape(-1, 3)
+    for i, element in enumerate(equations.body.elements):
         if isinstance(element, Vector):
             felt[3 * i : 3 * i + 3] = np.cross(x[i], felt[3 * i : 3 * i + 3], axisb=0, axisc=0)
     return felt

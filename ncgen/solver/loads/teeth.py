@@ -101,10 +101,10 @@ def meshes(run: Trajectory, pressure_angle: float) -> tuple[tuple[ToothMesh, ...
 def _contacts(run: Trajectory, number: int) -> Iterator[_Contact]:
     """All ways in which a row is two sides that touch; one that teeth can have has one."""
     kernels, t = run.kernels, float(run.t[0])
-    slopes = kernels.jacobian(run.q[0], t, kernels.present(t, run.p))[number]
-    tied = [(run.model.elements.get(kernels.coordinates[j]), float(slopes[j])) for j in np.flatnonzero(slopes)]
-    angles = [(coordinate, slope) for coordinate, slope in tied if isinstance(coordinate, Angle)]
-    lengths = [(coordinate, slope) for coordinate, slope in tied if isinstance(coordinate, Length)]
+    derivatives = kernels.jacobian(run.q[0], t, kernels.present(t, run.p))[number]
+    tied = [(run.model.elements.get(kernels.coordinates[j]), float(derivatives[j])) for j in np.flatnonzero(derivatives)]
+    angles = [(coordinate, derivative) for coordinate, derivative in tied if isinstance(coordinate, Angle)]
+    lengths = [(coordinate, derivative) for coordinate, derivative in tied if isinstance(coordinate, Length)]
     if len(tied) != 2 or len(angles) + len(lengths) != 2 or len(angles) == 0:
         return
     ways = _racks(run, *lengths[0], *angles[0]) if lengths else _pairs(run, [a for a, _ in angles], [r for _, r in angles])
@@ -237,14 +237,14 @@ def _does_its_work(run: Trajectory, number: int, contact: _Contact) -> bool:
     return bool(np.all(np.abs(contact.radial[0] @ slip) <= limit) and np.all(np.abs(powers) <= limit * np.linalg.norm(contact.tangent[0])))
 
 
-def _velocities(run: Trajectory, body: str, place: np.ndarray, motions: np.ndarray) -> np.ndarray:
+def _velocities(run: Trajectory, body: str, position: np.ndarray, motions: np.ndarray) -> np.ndarray:
     """Velocities (3, k) of a body's material at a place, for velocities (n, k) of the coordinates."""
     if body == run.model.ground.name:
         return np.zeros((3, motions.shape[1]))
     twists, rates = [], []
     for e in run.model.bodies[body].elements:
         at = geometry.element(run.kernels, e, run.q[0], run.p)
-        arm, moves = (at - place, np.eye(3)) if isinstance(e, Point) else (at, np.zeros((3, 3)))
+        arm, moves = (at - position, np.eye(3)) if isinstance(e, Point) else (at, np.zeros((3, 3)))
         twists.append(np.hstack([moves, -np.cross(np.eye(3), arm)]))
         rates.append(geometry.element_rate(run.kernels, e, motions.T).T)
     return np.linalg.lstsq(np.vstack(twists), np.vstack(rates), rcond=None)[0][:3]

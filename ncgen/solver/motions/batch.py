@@ -140,9 +140,9 @@ def accelerations_batch(
     if out is not None and (z or out.choice.kernels is not kernels):
         raise ModelError(f"{kernels.name}: out has results of {out.choice.kernels.name} with its own z; leave z or out out")
     if out is None:
-        states = States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"))
+        states = States.of(kernels, Method.of("coordinate-partitioning", "dopri5"), q0=q, zd0=zd, p=p, t0=t, z=z)
     else:
-        states = States.of(kernels, q, zd, p, t, z, None, out.choice)
+        states = States.of(kernels, None, out.choice, q0=q, zd0=zd, p=p, t0=t)
     states = _with_inputs(kernels, states, inputs, values)
     if out is not None:
         arrays = _places(kernels, out, states)
@@ -185,11 +185,11 @@ def simulate_batch(
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
     threads, method = checked_threads(threads), in_lanes(kernels, run)
-    states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
+    states = States.of(kernels, method, assembled=True, q0=q0, zd0=zd0, p=p, t0=run.initial.t, z=run.initial.z, qd0=qd0)
     states = _with_inputs(kernels, states, inputs, run.initial.p)
     if not np.isfinite(states.zd).all(axis=1).any():
-        given = "zd0" if qd0 is None else "qd0"
-        raise ModelError(f"{kernels.name}: {given} has numbers that are not finite in every state; correct them")
+        argument = "zd0" if qd0 is None else "qd0"
+        raise ModelError(f"{kernels.name}: {argument} has numbers that are not finite in every state; correct them")
     with reporting(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as advance:
         return side_by_side(kernels, run, method, states, threads, advance, inputs if run.signals else None)
 
@@ -217,10 +217,10 @@ def side_by_side(
     run: its times and tolerances; threads, progress: as of `simulate`; inputs: what changes with time, which lanes cannot follow
     """
     events: dict[int, tuple[Happening, ...]] = {}
-    if inputs:
+    if has_events(kernels.model):
+        done, events = through_events(kernels, run, method, states, threads, progress, inputs)
+    elif inputs:
         done = not_begun(run, states)
-    elif has_events(kernels.model):
-        done, events = through_events(kernels, run, method, states, threads, progress)
     else:
         done = _begun(kernels, run, method, states, threads, progress)
     exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from ncgen.solver.motions.states import States
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.choice import choose
 from ncgen.solver.runs.run import COMPILED, Run
+from ncgen.solver.runs.signals import Signal
 from ncgen.solver.trajectories.happening import Happening
 
 if TYPE_CHECKING:
@@ -35,7 +36,13 @@ def not_begun(run: Run, states: States) -> LaneOutcome:
 
 
 def through_events(
-    kernels: Kernels, run: Run, method: Method, states: States, threads: int | None, progress: Callable[[float], None] | None
+    kernels: Kernels,
+    run: Run,
+    method: Method,
+    states: States,
+    threads: int | None,
+    progress: Callable[[float], None] | None,
+    inputs: Mapping[str, Signal] | None = None,
 ) -> tuple[LaneOutcome, dict[int, tuple[Happening, ...]]]:
     """What came of states, and the events of those that C carried out; others have not begun."""
     done = not_begun(run, states)
@@ -47,7 +54,7 @@ def through_events(
 
     single = Run.from_arguments(
         kernels, run.duration, t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol,
-        max_step=run.max_step, engine=COMPILED,
+        max_step=run.max_step, engine=COMPILED, inputs=inputs,
     )  # fmt: skip
     chosen = choose(single).method
     if refusal_in_c(kernels):

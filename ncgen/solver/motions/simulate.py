@@ -200,6 +200,7 @@ class _Motion:
             refused = self._in_c(form)
             if refused == compiled.STIFFNESS_REASON:
                 refused = self._go_on_implicit(form)
+                form = self._form() if form == "tree" else form
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it continues in Python")
         if refused is not None:
@@ -252,7 +253,7 @@ class _Motion:
                 return compiled.STIFFNESS_REASON
             self.choice = other
             if other.method.is_constrained:
-                return self._in_c(form)
+                return self._in_c(self._form() if form == "tree" else form)
             path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
             return self._refusal() or self._in_c("dense")
         except (SingularError, ModelError, ConvergenceError) as error:
@@ -273,8 +274,8 @@ class _Motion:
 
         def engine(path: Path, moved: Kernels, task: Task) -> str | None:
             if task.method.is_constrained:
-                own = form if moved is kernels or form == "dense" else acceleration_forms.form_of(moved, task.method)
-                return compiled.run_constrained(path, moved, task, own)
+                moved_form = form if moved is kernels or form == "dense" else acceleration_forms.form_of(moved, task.method)
+                return compiled.run_constrained(path, moved, task, moved_form)
             return compiled.run(path, kernels, task, dense)
 
         def whole(path: Path, kernels: Kernels, task: Task) -> str | None:
@@ -395,5 +396,5 @@ class _Motion:
             events=tuple(self.passage.happened),
             modes=modes,
             changed=bool(self.passage.changes),
-            own=method.formalism if method.formalism.own else None,
+            user_formalism=method.formalism if method.formalism.user_object else None,
         )

@@ -183,11 +183,11 @@ class Simulation:
         return self
 
     def _drive(self, inputs: dict[str, float]) -> None:
-        places, p = self._places, self._now.p
-        if not all(name in places and isinstance(value, float) for name, value in inputs.items()):
-            inputs = {known_name(name, tuple(places), "step", "input"): finite(x, f"step: {name}") for name, x in inputs.items()}
+        indices, p = self._places, self._now.p
+        if not all(name in indices and isinstance(value, float) for name, value in inputs.items()):
+            inputs = {known_name(name, tuple(indices), "step", "input"): finite(x, f"step: {name}") for name, x in inputs.items()}
         for name, value in inputs.items():
-            p[places[name]] = value
+            p[indices[name]] = value
 
     def step(self, h: float, /, **inputs: float) -> Simulation:
         """Advance the motion.

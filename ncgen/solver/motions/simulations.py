@@ -200,8 +200,8 @@ class Simulations:
         return self
 
     def _drive(self, inputs: dict[str, ArrayLike]) -> None:
-        given = {name: self._numbers(name, values) for name, values in inputs.items()}
-        for name, values in given.items():
+        numbers = {name: self._numbers(name, values) for name, values in inputs.items()}
+        for name, values in numbers.items():
             self.p[:, self._places[name]] = values
 
     def _numbers(self, name: str, values: ArrayLike) -> np.ndarray:

@@ -107,47 +107,48 @@ class States:
     def of(
         cls,
         kernels: Kernels,
-        q: Given | None,
-        zd: Given | None,
-        p: Given | None,
-        t: float,
-        z: tuple[str, ...],
         method: Method | None,
         choice: CommonCoordinates | None = None,
         assembled: bool = False,
-        qd: Given | None = None,
+        *,
+        q0: Given | None,
+        zd0: Given | None,
+        p: Given | None,
+        t0: float,
+        z: tuple[str, ...] = (),
+        qd0: Given | None = None,
     ) -> States:
         """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
 
-        method: of `CommonCoordinates.at`; choice: of independent coordinates, a new one if not given
-        qd: velocities of any coordinates by name, or of all, instead of zd; one warning sums up where the constraints do not allow them
+        method: of `CommonCoordinates.at`; choice: of independent coordinates, a new one if not given; others as of `StartArguments`
+        One warning sums up where the constraints do not allow velocities qd0.
         Raises ModelError where shapes do not fit or lanes cannot do it.
         """
-        if zd is not None and qd is not None:
+        if zd0 is not None and qd0 is not None:
             raise ModelError(TWO_VELOCITIES)
         p = _given(kernels, "p", p, kernels.parameters, kernels.p0)
-        has_q = q is not None  # a start that follows from rows of p has rows as well
-        usual = kernels.start(p) if q is None or isinstance(q, Mapping) else kernels.q0  # rows that are given need none beside them
-        q = _given(kernels, "q0", q, kernels.coordinates, usual)
-        rates = zd if isinstance(zd, Mapping) else None
-        zd = None if zd is None else _given(kernels, "zd0", zd, kernels.coordinates, np.zeros(kernels.n))
-        wanted = tuple(qd) if isinstance(qd, Mapping) else None
-        qd = None if qd is None else _given(kernels, "qd0", qd, kernels.coordinates, np.zeros(kernels.n))
+        has_q = q0 is not None  # a start that follows from rows of p has rows as well
+        usual = kernels.start(p) if q0 is None or isinstance(q0, Mapping) else kernels.q0  # rows that are given need none beside them
+        q = _given(kernels, "q0", q0, kernels.coordinates, usual)
+        rates = zd0 if isinstance(zd0, Mapping) else None
+        zd = None if zd0 is None else _given(kernels, "zd0", zd0, kernels.coordinates, np.zeros(kernels.n))
+        wanted = tuple(qd0) if isinstance(qd0, Mapping) else None
+        qd = None if qd0 is None else _given(kernels, "qd0", qd0, kernels.coordinates, np.zeros(kernels.n))
         arrays = {"q0": q if has_q else None, "zd0": zd, "qd0": qd, "p": p}
         size = common_size(kernels.name, {name: len(a) for name, a in arrays.items() if a is not None and a.ndim == 2})
         q, p = _rows(kernels, "q0", q, size, kernels.n), _rows(kernels, "p", p, size, len(kernels.p0), np.asarray)
-        q, faults = closed(kernels, q, t, p) if assembled else (q, {})
+        q, faults = closed(kernels, q, t0, p) if assembled else (q, {})
         if not assembled and (refused := refused_parameters(kernels, p)):
             raise ModelError(f"p of state {min(refused)}: {refused[min(refused)]}")
         if len(faults) == size:
             raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
-        choice = choice or CommonCoordinates.at_first(kernels, q, t, p, z, method, rates or ())
+        choice = choice or CommonCoordinates.at_first(kernels, q, t0, p, z, method, rates or ())
         if rates is not None and zd is not None:
             check_independent(rates, choice.names)
             zd = zd[..., [kernels.index[name] for name in choice.names]]
         nz = len(choice.names)
         if qd is not None:
-            zd, unlike = _rates_given(choice, _rows(kernels, "qd0", qd, size, kernels.n), wanted, q, t, p)
+            zd, unlike = _rates_given(choice, _rows(kernels, "qd0", qd, size, kernels.n), wanted, q, t0, p)
             faults.update(unlike)
         return cls(choice=choice, q=q, zd=_rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, size, nz), p=p, faults=faults)
 
@@ -163,7 +164,7 @@ def those_in_lanes() -> str:
     return ", ".join(name for name, entry in INTEGRATORS.items() if entry.in_lanes)
 
 
-def _given(kernels: Kernels, what: str, given: Given | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
+def _given(kernels: Kernels, label: str, argument: Given | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
     """Rows, one row for all, or {name: number, or one a state} in place of the defaults, as an array.
 
     Raises ModelError for other things.
@@ -176,16 +177,16 @@ def _given(kernels: Kernels, what: str, given: Given | None, names: tuple[str, .
         except NcgenError as error:
             raise ModelError(str(error)) from None
 
-    if given is None:
+    if argument is None:
         return defaults
-    if not isinstance(given, Mapping):
-        return array(given, what)
-    for name in given:
-        known_name(name, names, what, "parameter" if what == "p" else "free coordinate")
-    columns = {name: array(value, f"{what}, {name}") for name, value in given.items()}
+    if not isinstance(argument, Mapping):
+        return array(argument, label)
+    for name in argument:
+        known_name(name, names, label, "parameter" if label == "p" else "free coordinate")
+    columns = {name: array(value, f"{label}, {name}") for name, value in argument.items()}
     counts = {column.shape for column in columns.values() if column.shape}
     if len(counts) > 1 or any(len(shape) > 1 for shape in counts):
-        raise ModelError(f"{kernels.name}: {what} has arrays of shapes {sorted(counts)}; give each name a number, or one for every state")
+        raise ModelError(f"{kernels.name}: {label} has arrays of shapes {sorted(counts)}; give each name a number, or one for every state")
     rows = np.tile(defaults, (*counts.pop(), 1)) if counts else np.array(defaults)
     for name, column in columns.items():
         rows[..., names.index(name)] = column
@@ -206,11 +207,11 @@ def _rates_given(
     for i in np.flatnonzero(finite).tolist():
         key = qd[i].tobytes() + q[i].tobytes() + p[i].tobytes()
         if key not in known:
-            given = qd[i] if names is None else {name: qd[i, kernels.index[name]] for name in names}
+            velocity = qd[i] if names is None else {name: qd[i, kernels.index[name]] for name in names}
             try:
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always")
-                    known[key] = given_velocity(kernels, given, q[i], t, p[i])[choice.places]
+                    known[key] = given_velocity(kernels, velocity, q[i], t, p[i])[choice.places]
             except (NcgenError, np.linalg.LinAlgError) as error:
                 faults[i] = str(error)
                 continue
@@ -244,11 +245,11 @@ def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np
         key = q[i].tobytes() + p[i].tobytes()
         if key not in positions_by_key:
             positions_by_key[key] = _assembled(kernels, q[i], t, p[i])
-        place = positions_by_key[key]
-        if isinstance(place, str):
-            faults[int(i)], q[i] = place, np.nan
+        position = positions_by_key[key]
+        if isinstance(position, str):
+            faults[int(i)], q[i] = position, np.nan
         else:
-            q[i] = place
+            q[i] = position
     return q, faults
 
 

@@ -43,7 +43,7 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     capabilities.checked_compiled(kernels)
     by_python = "the model calls a Python function" if kernels.model.callbacks else None
     if kernels.model.branches:
-        by_python = "the paper's sine-or-cosine rows choose anew between steps"
+        by_python = "the paper's sine-or-cosine constraints change between steps"
     if refused := by_python or capabilities.refusal(kernels, method, "c", "double"):
         raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
     kernels = capabilities.checked_compiled(kernels)

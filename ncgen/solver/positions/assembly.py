@@ -117,6 +117,6 @@ def _open_rows(kernels: Kernels, value: np.ndarray, tolerance: float) -> str:
         int(np.argmax(np.abs(value)))
     ]
     rows = [(kernels.holonomic[i], value[i]) for i in worst]
-    named = "; ".join(f"row {r + 1} ({kernels.rows[r].label}, {kernels.rows[r].owner}) by {v:.2g}" for r, v in rows)
+    named = "; ".join(f"{r + 1} ({kernels.rows[r].label}, {kernels.rows[r].owner}) by {v:.2g}" for r, v in rows)
     advice = "correct a length, start nearer to a closed position, or allow more"
-    return f"{kernels.name}: the mechanism does not close: {named} (relative); {advice}"
+    return f"{kernels.name}: the mechanism does not close: constraint{'s' * (len(rows) > 1)} {named} (relative); {advice}"

@@ -25,14 +25,14 @@ def approached(reach: Callable[[np.ndarray, float], np.ndarray], q: np.ndarray, 
     reach(q, s): the position (n,) at the place s from one near it, which raises ConvergenceError where there is none
     q: the position at the place `begin`
     """
-    place, step = begin, (end - begin) / 2
-    while place != end and abs(step) > RESOLUTION * abs(end - begin):
-        further = place + step if abs(place + step - begin) < abs(end - begin) else end
+    reached, step = begin, (end - begin) / 2
+    while reached != end and abs(step) > RESOLUTION * abs(end - begin):
+        further = reached + step if abs(reached + step - begin) < abs(end - begin) else end
         try:
-            q, place = reach(q, further), further
+            q, reached = reach(q, further), further
         except ConvergenceError:
             step /= 2
-    return q, place
+    return q, reached
 
 
 def is_dead_centre(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, free: np.ndarray) -> bool:

@@ -80,8 +80,8 @@ def _error(kernels: Kernels, moved: np.ndarray) -> SingularError:
     moved = np.round(moved / np.max(moved), DIGITS)  # equals stay in the order of the coordinates
     names = [kernels.coordinates[i] for i in np.argsort(-moved, kind="stable") if moved[i] > 0]
     joints = [name for name in names if "." not in name]
-    what = f"{kernels.name}: a motion of the mechanism has no inertia: {_first(joints or names)} can move without any"
-    return SingularError(f"{what}; give {_remedy(kernels, {name.partition('.')[0] for name in names})}")
+    problem = f"{kernels.name}: a motion of the mechanism has no inertia: {_first(joints or names)} can move without any"
+    return SingularError(f"{problem}; give {_remedy(kernels, {name.partition('.')[0] for name in names})}")
 
 
 def _remedy(kernels: Kernels, moving: set[str]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.tree.couplings import NoTables
-from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPlace
+from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPosition
 from ncgen.symbolic.tree import spanning_tree
 
 PARAMETER_PERTURBATION = 0.03
@@ -20,13 +20,18 @@ def open_tree(kernels: Kernels) -> OpenTree | None:
     return kernels.remember("open tree", (), lambda: _made(kernels))
 
 
+def tree_with_loops(kernels: Kernels) -> OpenTree | None:
+    """The same of a mechanism whose other constraints close loops of its tree of bodies, or couple motions of a joint."""
+    return open_tree(kernels) or kernels.remember("tree with loops", (), lambda: _made(kernels, closes_loops=True))
+
+
 def is_open_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
     """True where a mechanism is an open tree whose rows are independent at a position, too: link by link, so that it can be large."""
     tree = open_tree(kernels)
     return tree is not None and tree.is_regular(_look(kernels, p, q, t))
 
 
-def _made(kernels: Kernels) -> OpenTree | None:
+def _made(kernels: Kernels, closes_loops: bool = False) -> OpenTree | None:
     if "nu" in kernels.programs.programs or len(kernels.holonomic) < kernels.m or not 0 < kernels.m <= kernels.n:
         return None
     parameters = [kernels.p0]
@@ -39,11 +44,11 @@ def _made(kernels: Kernels) -> OpenTree | None:
     around = Around(kernels.q0, [partial(_look, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
     try:
         tree = spanning_tree(kernels.model)
-        return OpenTree(kernels.programs.equations, tree, kernels.mass_pattern, kernels.phi_q_pattern, around)
+        return OpenTree(kernels.programs.equations, tree, kernels.mass_pattern, kernels.phi_q_pattern, around, closes_loops)
     except NoTables:
         return None
 
 
-def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> SampledPlace:
+def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> SampledPosition:
     phi, phi_q, mass = (kernels.values(name, t, q, None, p) for name in ("phi", "phi_q", "mass"))
-    return SampledPlace(q, phi / kernels.row_sizes, phi_q, mass)
+    return SampledPosition(q, phi / kernels.row_sizes, phi_q, mass)

@@ -182,7 +182,7 @@ def singular_message(kernels: Kernels, mobility: Freedom) -> str:
 
 def stuck_message(kernels: Kernels, t: float, step: float | None = None) -> str:
     """One line about a motion on independent coordinates that ends; step (s): the fixed one of the method."""
-    ended = f"the step of {step:.6g} s from t = {t:.6g} s fails" if step else f"the motion cannot go on beyond t = {t:.6g} s"
+    ended = f"the step of {step:.6g} s from t = {t:.6g} s fails" if step else f"the motion cannot continue beyond t = {t:.6g} s"
     return (
         f"{kernels.name}: {ended}; the mechanism locks or comes to a singular position there, "
         f"which formalism='lagrange' passes; or take smaller steps ({'max_step' if step else 'rtol, max_step'})"

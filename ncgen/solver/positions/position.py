@@ -18,7 +18,7 @@ from ncgen.solver.finite import check_instant, is_finite, watched
 from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.given import Given
 from ncgen.solver.positions.dead_centres import approached, is_dead_centre
-from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
+from ncgen.solver.positions.sparse_rows import DENSE, least_step, scaled
 
 TOLERANCE = 1e-12
 LIMIT = 40
@@ -130,8 +130,8 @@ def _least_step(
     sizes = kernels.row_sizes[rows]
     if DENSE <= len(rows) <= len(free):
         jacobian = kernels.phi_q(q, t, p)[rows][:, free]
-        if independent := independent_rows(scaled(jacobian, 1 / sizes, np.ones(len(free)))):
-            return independent.least(right)
+        if (step := least_step(scaled(jacobian, 1 / sizes, np.ones(len(free))), right)) is not None:
+            return step
     return np.linalg.lstsq(kernels.jacobian(q, t, p)[np.ix_(rows, free)] / sizes[:, None], right, rcond=1e-10)[0]
 
 
@@ -222,24 +222,24 @@ def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float 
     result = Position(q, 0, residual(kernels, q, t, p), ())
     path = [q]
 
-    def at(q: np.ndarray, share: float) -> Position:
+    def at(q: np.ndarray, fraction: float) -> Position:
         guess = q.copy()
-        guess[where] = start + share * (end - start)
+        guess[where] = start + fraction * (end - start)
         return solve_position(kernels, guess, t, p, held=names, limit=EASY)
 
     while done < 1.0:
-        share = min(1.0, done + step)
+        fraction = min(1.0, done + step)
         try:
-            result, done = at(result.q, share), share
+            result, done = at(result.q, fraction), fraction
             path.append(result.q)
         except ConvergenceError as error:
             step /= 2
             if step < 1e-4 / steps:
-                last, reached = approached(lambda q, share: at(q, share).q, result.q, done, share)
+                last, reached = approached(lambda q, fraction: at(q, fraction).q, result.q, done, fraction)
                 path.append(last)
-                if reached < share:
+                if reached < fraction:
                     raise _stopped(kernels, end, names, path, t, p, error) from error
-                result, done = at(last, share), share
+                result, done = at(last, fraction), fraction
     return result
 
 

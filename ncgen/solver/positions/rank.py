@@ -251,7 +251,7 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
         kept = best_rows(general[0], rank).tolist()
     dependent = [row for row in range(m) if row not in set(kept)]
     scale = kernels.row_sizes
-    redundant = tuple(_implication(general[-1] * largest, row, kept, scale) for row in dependent)
+    redundant = _implications(general[-1] * largest, dependent, kept, scale)
     vanishing = _extra_motions(kernels, q, t, p, rank, largest) if ranks[0] < rank else np.zeros((kernels.n, 0))
     return Freedom(
         rank=rank,
@@ -303,10 +303,13 @@ def _rest(row: np.ndarray, basis: np.ndarray) -> np.ndarray:
     return rest
 
 
-def _implication(jacobian: np.ndarray, row: int, kept: list[int], scale: np.ndarray) -> Redundancy:
-    solution = np.linalg.lstsq(jacobian[kept].T, jacobian[row], rcond=None)[0]
-    raw = solution * scale[row] / scale[kept]
-    return Redundancy(row, {k: float(c) for k, c, s in zip(kept, raw, solution, strict=True) if abs(s) > 1e-7})
+def _implications(jacobian: np.ndarray, dependent: list[int], kept: list[int], scale: np.ndarray) -> tuple[Redundancy, ...]:
+    """The combinations of kept rows that dependent rows are."""
+    solutions = np.linalg.lstsq(jacobian[kept].T, jacobian[dependent].T, rcond=None)[0].T if dependent else []
+    return tuple(
+        Redundancy(row, {k: float(c * scale[row] / scale[k]) for k, c in zip(kept, solution, strict=True) if abs(c) > 1e-7})
+        for row, solution in zip(dependent, solutions, strict=True)
+    )
 
 
 def _extra_motions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rank: int, largest: np.ndarray) -> np.ndarray:

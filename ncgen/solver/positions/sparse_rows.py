@@ -20,6 +20,12 @@ DENSE = 200
 MAX_CONDITION = 1e12
 """Rows are clearly independent when the condition number of Φ_q Φ_qᵀ, scaled, is below this."""
 
+DAMPING = 1e-13
+"""Of steps with dependent rows, relative to the norm of Φ_q Φ_qᵀ."""
+
+MAX_DAMPED_RESIDUAL = 1e-6
+"""What such a step may leave of the right-hand side, relative; more is left where rows contradict each other or are nearly dependent."""
+
 
 @dataclass(frozen=True, eq=False)
 class IndependentRows:
@@ -53,6 +59,17 @@ def independent_rows(matrix: scipy.sparse.csr_array) -> IndependentRows | None:
     inverse = operator(gram.shape, factors.solve, rmatvec=factors.solve, dtype=float)
     norm = cast(float, scipy.sparse.linalg.onenormest(inverse))  # with vectors only if they are asked for
     return IndependentRows(matrix, factors) if norm * scipy.sparse.linalg.norm(gram, 1) < MAX_CONDITION else None
+
+
+def least_step(matrix: scipy.sparse.csr_array, right: np.ndarray) -> np.ndarray | None:
+    """The smallest x (n,) with A x = right (m,), also where rows are dependent and agree; None leaves the question open."""
+    if rows := independent_rows(matrix):
+        return rows.least(right)
+    damping = DAMPING * cast(float, scipy.sparse.linalg.norm(matrix, 1)) * cast(float, scipy.sparse.linalg.norm(matrix, np.inf))
+    x = least_damped(matrix, right, damping)
+    x = x + least_damped(matrix, right - matrix @ x, damping)
+    is_solved = np.max(np.abs(right - matrix @ x)) <= MAX_DAMPED_RESIDUAL * np.max(np.abs(right))
+    return x if is_solved else None
 
 
 def least_damped(matrix: scipy.sparse.csr_array, right: np.ndarray, damping: float) -> np.ndarray:

@@ -94,10 +94,10 @@ def _contradiction(run: Trajectory) -> list[str]:
             continue
         rows = kernels.jacobian(q, t, refresh_branches(kernels, q, p))
         rest, terms = np.abs(rows @ qd - nu), np.abs(rows) @ np.abs(qd) + np.abs(nu)
-        share = rest / (np.max(terms / kernels.row_sizes, initial=slow) * kernels.row_sizes)
-        row = int(np.argmax(share))
-        if share[row] > worst:
-            worst = share[row]
+        remainders = rest / (np.max(terms / kernels.row_sizes, initial=slow) * kernels.row_sizes)
+        row = int(np.argmax(remainders))
+        if remainders[row] > worst:
+            worst = remainders[row]
             reasons = [f"at t = {t:.6g} s no velocities satisfy all rows: {kernels.rows[row].label} is off by {rest[row]:.3g} a second, "
                     "so a driver or a velocity row contradicts the others"]  # fmt: skip
     return reasons

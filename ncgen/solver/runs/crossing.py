@@ -20,13 +20,13 @@ class _Walk:
     def __init__(self, direction: int, sign: int) -> None:
         self.direction, self.sign, self.at, self.next, self.seen = direction, sign, 0.0, 0.0, False
 
-    def turns(self, place: float, sign: int) -> bool:
+    def turns(self, position: float, sign: int) -> bool:
         """Whether the sign at a place is the one that is waited for, and was the other one before."""
-        self.next = place
+        self.next = position
         if self.sign * sign < 0 and sign * self.direction >= 0:
             return True
         if sign:
-            self.sign, self.at, self.seen = sign, place, True
+            self.sign, self.at, self.seen = sign, position, True
         return False
 
 
@@ -38,11 +38,11 @@ def first_crossing(values: np.ndarray, noise: float, direction: int) -> tuple[fl
     """
     coefficients = basis(DEGREE)[1] @ values
     coefficients[[0, -1]] = values[[0, -1]]
-    walk, place, width = _Walk(direction, int(np.sign(values[0]))), 0, PARTS
-    while place < PARTS:
-        low, high = place / PARTS, (place + width) / PARTS
-        part = _restricted(coefficients, low, high)
-        signs = np.where(np.abs(part) > noise, np.sign(part), 0).astype(int)
+    walk, position, width = _Walk(direction, int(np.sign(values[0]))), 0, PARTS
+    while position < PARTS:
+        low, high = position / PARTS, (position + width) / PARTS
+        piece = _restricted(coefficients, low, high)
+        signs = np.where(np.abs(piece) > noise, np.sign(piece), 0).astype(int)
         nonzero = signs[signs != 0]
         changes = int(np.count_nonzero(nonzero[1:] != nonzero[:-1]))
         first, last = int(signs[0]), int(signs[-1])
@@ -55,8 +55,8 @@ def first_crossing(values: np.ndarray, noise: float, direction: int) -> tuple[fl
             bracket = walk.turns(low, first) or walk.turns(high, last)
         if bracket:
             return walk.at, walk.next
-        place += width
-        while width < PARTS and place % (2 * width) == 0:
+        position += width
+        while width < PARTS and position % (2 * width) == 0:
             width *= 2
     last = int(np.sign(values[-1]))  # to end at zero is to get there, but not to be there throughout
     return (walk.at, walk.next) if (last or walk.seen) and walk.turns(1.0, last or -walk.sign) else None
@@ -64,10 +64,10 @@ def first_crossing(values: np.ndarray, noise: float, direction: int) -> tuple[fl
 
 def _restricted(coefficients: np.ndarray, low: float, high: float) -> np.ndarray:
     """The coefficients (9,) on the part from low to high, by de Casteljau's rule for either end."""
-    part = coefficients.copy()
+    piece = coefficients.copy()
     for j in range(1, DEGREE + 1):
-        part[j:] = (1 - high) * part[j - 1 : -1] + high * part[j:]
-    share = low / high
+        piece[j:] = (1 - high) * piece[j - 1 : -1] + high * piece[j:]
+    ratio = low / high
     for j in range(1, DEGREE + 1):
-        part[: DEGREE + 1 - j] = (1 - share) * part[: DEGREE + 1 - j] + share * part[1 : DEGREE + 2 - j]
-    return part
+        piece[: DEGREE + 1 - j] = (1 - ratio) * piece[: DEGREE + 1 - j] + ratio * piece[1 : DEGREE + 2 - j]
+    return piece

@@ -31,8 +31,8 @@ def divergence(kernels: Kernels, path: Path, start: float, method: Method, step:
     q, qd, work = path.q[ends], path.qd[ends], path.work[ends]
     sizes = np.abs(qd[-1]) / kernels.column_sizes
     with np.errstate(all="ignore"):
-        share = drift(kernels, np.array([start, path.stopped]), q, qd, work, p)
-    if np.isfinite(share) and share < FROM_NOTHING:
+        change = drift(kernels, np.array([start, path.stopped]), q, qd, work, p)
+    if np.isfinite(change) and change < FROM_NOTHING:
         return None
     largest = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
     return ConvergenceError(

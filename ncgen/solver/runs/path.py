@@ -60,14 +60,14 @@ class Path:
         self.q, self.qd, self.work = rows
         self.counts = self.counts + np.asarray(counts)
 
-    def take_counts(self, part: Path) -> None:
+    def take_counts(self, segment: Path) -> None:
         """Add what a part counted besides its rows, and its impulses."""
-        self.projections += part.projections
-        self.largest_projection = max(self.largest_projection, part.largest_projection)
-        self.jacobians += part.jacobians
-        self.fallbacks += part.fallbacks
-        self.stiff += part.stiff
-        self.impulses += part.impulses
+        self.projections += segment.projections
+        self.largest_projection = max(self.largest_projection, segment.largest_projection)
+        self.jacobians += segment.jacobians
+        self.fallbacks += segment.fallbacks
+        self.stiff += segment.stiff
+        self.impulses += segment.impulses
 
     def stop(self, t: float, q: np.ndarray, qd: np.ndarray, work: float) -> None:
         """End with the state at which a run stops."""

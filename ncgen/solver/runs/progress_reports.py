@@ -21,10 +21,10 @@ def check_progress(progress: object) -> None:
 
 
 @contextmanager
-def reporting(progress: ProgressOption, what: str, start: float, length: float) -> Iterator[Callable[[float], None] | None]:
-    """What a run of some length that begins at `start` calls, in the units of both; what: what a bar says."""
+def reporting(progress: ProgressOption, title: str, start: float, length: float) -> Iterator[Callable[[float], None] | None]:
+    """What a run of some length that begins at `start` calls, in the units of both; title: what a bar says."""
     if progress is True:
-        with import_module("ncgen.report.bar").progress(what, length) as advance:
+        with import_module("ncgen.report.bar").progress(title, length) as advance:
             yield lambda reached: advance(reached - start)
     else:
         yield progress or None

@@ -228,8 +228,8 @@ class Run:
             )
         named = self.integrator
         if named is not None and not named.in_c and (self.engine in (COMPILED, "c", *EMITTED) or self.number != "double"):
-            what = f"engine {self.engine!r}" if self.engine in (COMPILED, "c", *EMITTED) else f"number {self.number!r}"
-            raise ModelError(f"{what}: {named.name} runs in Python; in C there are {', '.join(in_c(INTEGRATORS))}")
+            label = f"engine {self.engine!r}" if self.engine in (COMPILED, "c", *EMITTED) else f"number {self.number!r}"
+            raise ModelError(f"{label}: {named.name} runs in Python; in C there are {', '.join(in_c(INTEGRATORS))}")
         if self.engine == "python" and self.number != "double":
             raise ModelError(f"number {self.number!r}: Python computes with doubles; leave out engine='python'")
 
@@ -282,10 +282,10 @@ def outline(subject: Kernels | Model) -> Outline:
 # -- single numbers and words --------------------------------------------------------------------------------------------------------------
 
 
-def positive(value: object, name: str, what: str = "number") -> float:
+def positive(value: object, name: str, noun: str = "number") -> float:
     """A positive, finite number. Raises ModelError naming the argument."""
     if isinstance(value, (bool, np.bool_)) or not is_real(value) or not 0 < value <= sys.float_info.max:
-        raise ModelError(f"{name}: {echo(value)} given; it must be a positive {what}")
+        raise ModelError(f"{name}: {echo(value)} given; it must be a positive {noun}")
     return float(value)
 
 
@@ -313,8 +313,8 @@ def echo(value: object) -> str:
 def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
     """Even instants, or those that are given. Raises ModelError where there are too many, or they cannot be distinguished."""
     is_single = not isinstance(points, Iterable) or isinstance(points, str) or (isinstance(points, np.ndarray) and points.ndim == 0)
-    given = None if is_single else several(points, "points")
-    size = count(points, "points", 2, "a trajectory has at least 2") if given is None else len(given)
+    times = None if is_single else several(points, "points")
+    size = count(points, "points", 2, "a trajectory has at least 2") if times is None else len(times)
     if size * (3 * n + 1) > MOST_NUMBERS:
         room = min(size * (3 * n + 1), MAX_INTEGER) * 8 / 2**30
         raise ModelError(f"points: {shown(size)} instants of {n} coordinates take {room:.3g} GiB; ask for fewer")
@@ -322,8 +322,8 @@ def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
     if not np.isfinite(end):
         raise ModelError(f"duration: {length:.6g} s from t0 = {start:.6g} s on is beyond all numbers; take a shorter one")
     shortest = MIN_TIME_SPACING * max(abs(start), abs(end))
-    if given is not None:
-        return _instants(given, start, end, shortest)
+    if times is not None:
+        return _instants(times, start, end, shortest)
     if length / (size - 1) < shortest:
         raise ModelError(
             f"t0: {start:.6g} s with {size} points in {length:.6g} s: instants cannot be distinguished in double precision; "
@@ -332,25 +332,25 @@ def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
     return np.linspace(start, end, size)
 
 
-def _instants(given: np.ndarray, start: float, end: float, shortest: float) -> np.ndarray:
+def _instants(times: np.ndarray, start: float, end: float, shortest: float) -> np.ndarray:
     """Given instants. Raises ModelError unless they ascend from the start of a run to its end."""
-    if len(given) < 2 or abs(given[0] - start) > shortest or abs(given[-1] - end) > shortest:
-        raise ModelError(f"points: {echo(given.tolist())} given; instants begin at t0 = {start:.6g} s and end at {end:.6g} s")
-    for k in np.flatnonzero(~(np.diff(given) >= shortest))[:1]:
-        raise ModelError(f"points: {given[k + 1]:.6g} s follows {given[k]:.6g} s; let the instants ascend")
-    return given
+    if len(times) < 2 or abs(times[0] - start) > shortest or abs(times[-1] - end) > shortest:
+        raise ModelError(f"points: {echo(times.tolist())} given; instants begin at t0 = {start:.6g} s and end at {end:.6g} s")
+    for k in np.flatnonzero(~(np.diff(times) >= shortest))[:1]:
+        raise ModelError(f"points: {times[k + 1]:.6g} s follows {times[k]:.6g} s; let the instants ascend")
+    return times
 
 
-def _rates(subject: Outline, given: Given | None, name: str, whole: bool) -> dict[str, float] | np.ndarray | None:
+def _rates(subject: Outline, velocities: Given | None, name: str, whole: bool) -> dict[str, float] | np.ndarray | None:
     """Rates by name or as an array, or None; whole: an array has one number a free coordinate."""
-    if given is None:
+    if velocities is None:
         return None
-    if isinstance(given, dict):
-        return {known_name(key, subject.coordinates, name): finite(value, f"{name}: {key}") for key, value in given.items()}
-    rates = real_numbers(given, name)
+    if isinstance(velocities, dict):
+        return {known_name(key, subject.coordinates, name): finite(value, f"{name}: {key}") for key, value in velocities.items()}
+    rates = real_numbers(velocities, name)
     if rates is None or rates.ndim != 1 or (whole and len(rates) != len(subject.coordinates)):
         needed = f"{len(subject.coordinates)} numbers, one a free coordinate," if whole else "numbers in the order of z"
-        raise ModelError(f"{name}: {echo(given)} given; give {needed} or {{name: rate}}")
+        raise ModelError(f"{name}: {echo(velocities)} given; give {needed} or {{name: rate}}")
     for k, rate in enumerate(rates.tolist()):
         finite(rate, f"{name}: {subject.coordinates[k] if whole else f'number {k + 1}'}")
     return rates

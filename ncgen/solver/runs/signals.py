@@ -112,22 +112,22 @@ def signals_of(kernels: Outline, inputs: Mapping[str, Signal] | None, p: np.ndar
         raise ModelError(f"inputs: {echo(inputs)} given; give {{name: number, function of time, or (times, values)}}")
     functions: list[InputPieces | Function | None] = [None] * len(names)
     for name, signal in inputs.items():
-        place = names.index(known_name(name, names, "inputs", "input"))
+        index = names.index(known_name(name, names, "inputs", "input"))
         if callable(signal):
-            functions[place] = signal
+            functions[index] = signal
         elif isinstance(signal, (tuple, list)):
-            functions[place] = _table(signal, f"inputs: {name}")
+            functions[index] = _table(signal, f"inputs: {name}")
         else:
-            p[len(p) - len(names) + place] = finite(signal, f"inputs: {name}")
+            p[len(p) - len(names) + index] = finite(signal, f"inputs: {name}")
     return Signals(kernels.name, names, tuple(functions)) if any(functions) else None
 
 
-def _table(given: Sequence[object], where: str) -> SignalTable:
+def _table(signal: Sequence[object], where: str) -> SignalTable:
     """A table as polynomials. Raises ModelError unless its instants are two or more, ascending, each with a value."""
-    if len(given) not in (2, 3):
-        raise ModelError(f"{where}: {counted(len(given), 'thing')} given; give (times, values) or (times, values, hold)")
-    times, values = several(given[0], f"{where}, times"), several(given[1], f"{where}, values")  # type: ignore[arg-type]
-    hold = given[2] if len(given) == 3 else "linear"
+    if len(signal) not in (2, 3):
+        raise ModelError(f"{where}: {counted(len(signal), 'thing')} given; give (times, values) or (times, values, hold)")
+    times, values = several(signal[0], f"{where}, times"), several(signal[1], f"{where}, values")  # type: ignore[arg-type]
+    hold = signal[2] if len(signal) == 3 else "linear"
     if hold not in HOLDS:
         raise unknown_word(hold, f"{where}: hold", HOLDS)
     if len(times) != len(values) or len(times) < MIN_TIMES:

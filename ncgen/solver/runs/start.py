@@ -79,9 +79,9 @@ def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:
     return q
 
 
-def _warn_of_moved(kernels: Kernels, given: np.ndarray, closed: np.ndarray) -> None:
+def _warn_of_moved(kernels: Kernels, start: np.ndarray, closed: np.ndarray) -> None:
     """A warning where the start was open, with what moved most."""
-    moved = np.abs(closed - given)
+    moved = np.abs(closed - start)
     if np.any(moved > 0):
         most = int(np.argmax(moved))
         warn(
@@ -113,15 +113,15 @@ def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial,
     return given_velocity(kernels, {}, q, initial.t, p) if driven else np.zeros(kernels.n)
 
 
-def independent_rates(kernels: Kernels, partition: Partition, given: dict[str, float] | np.ndarray | None) -> np.ndarray:
+def independent_rates(kernels: Kernels, partition: Partition, velocities: dict[str, float] | np.ndarray | None) -> np.ndarray:
     """Rates of the independent coordinates in their order. Raises ModelError for others, or where their number is another."""
     names = partition.names(kernels)
-    if given is None:
+    if velocities is None:
         return np.zeros(len(names))
-    if isinstance(given, dict):
-        check_independent(given, names)
-        return np.array([given.get(name, 0.0) for name in names], dtype=float)
-    return check_count(given, names)
+    if isinstance(velocities, dict):
+        check_independent(velocities, names)
+        return np.array([velocities.get(name, 0.0) for name in names], dtype=float)
+    return check_count(velocities, names)
 
 
 def check_independent(rates: Iterable[str], names: tuple[str, ...]) -> None:

@@ -55,8 +55,8 @@ def difference(one: Trajectory, other: Trajectory) -> Difference:
     """
     if one.coordinates != other.coordinates:
         apart = [name for name in (*one.coordinates, *other.coordinates) if (name in one) != (name in other)]
-        what = f"{listed_names(apart)} only in one of them" if apart else "in another order"
-        raise ModelError(f"{one.name} and {other.name} cannot be compared: the models differ in their coordinates, {what}")
+        contrast = f"{listed_names(apart)} only in one of them" if apart else "in another order"
+        raise ModelError(f"{one.name} and {other.name} cannot be compared: the models differ in their coordinates, {contrast}")
     common = (one.t >= other.t[0]) & (one.t <= other.t[-1])
     if not common.any():
         spans = [f"{run.t[0]:g} to {run.t[-1]:g} s" for run in (one, other)]
@@ -68,12 +68,12 @@ def difference(one: Trajectory, other: Trajectory) -> Difference:
 
 def _at(run: Trajectory, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities at instants within a motion; those of its own instants as they are."""
-    place = np.searchsorted(run.t, t)
-    own = run.t[place] == t
-    q, qd = run.q[place], run.qd[place]
-    if not own.all():
+    index = np.searchsorted(run.t, t)
+    is_output = run.t[index] == t
+    q, qd = run.q[index], run.qd[index]
+    if not is_output.all():
         from scipy.interpolate import CubicHermiteSpline
 
         between = CubicHermiteSpline(run.t, run.q, run.qd)
-        q[~own], qd[~own] = between(t[~own]), between(t[~own], 1)
+        q[~is_output], qd[~is_output] = between(t[~is_output]), between(t[~is_output], 1)
     return q, qd

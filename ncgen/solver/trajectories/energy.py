@@ -34,8 +34,8 @@ def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: 
     energy of speeds that count as rest, so that the noise of its velocities is no drift.
     """
     energies_of_run = energies(kernels, t, q, qd, p)
-    share = float(_relative(energies_of_run[:, 0], energies_of_run[:, 1], work, _least(kernels, t[0], q[0], p)))
-    return 0.0 if not share < MIN_ALARMING_DRIFT and _is_still(kernels, q) else share
+    ratio = float(_relative(energies_of_run[:, 0], energies_of_run[:, 1], work, _least(kernels, t[0], q[0], p)))
+    return 0.0 if not ratio < MIN_ALARMING_DRIFT and _is_still(kernels, q) else ratio
 
 
 def drifts(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray) -> np.ndarray:

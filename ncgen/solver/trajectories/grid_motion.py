@@ -75,7 +75,7 @@ class GridMotion:
     events: tuple[Happening, ...] = ()
     modes: tuple[Mode, ...] = ()
     changed: bool = False
-    own: Formalism | None = None
+    user_formalism: Formalism | None = None
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -96,14 +96,14 @@ class GridMotion:
             if mode.t <= t:
                 kernels = mode.kernels
         p = refresh_branches(kernels, q, self.p)
-        formalism = self.own or FORMALISMS[self.formalism]
+        formalism = self.user_formalism or FORMALISMS[self.formalism]
         if formalism.is_constrained:
             return accelerations_of(formalism).motion(kernels, q, qd, t, p, self.options)
         present = determined(self.partitions)
-        part = present.velocity
-        if quality(kernels, part, q, t, p) < CONDITION:
-            part = other_partitions(kernels, present, q, t, p).velocity
-        return motion_at(kernels, part, t, q, qd[part.independent], p)
+        partition = present.velocity
+        if quality(kernels, partition, q, t, p) < CONDITION:
+            partition = other_partitions(kernels, present, q, t, p).velocity
+        return motion_at(kernels, partition, t, q, qd[partition.independent], p)
 
     @cached_property
     def qdd(self) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError, counted
-from ncgen.files import output_was, path_of, write_bytes, write_text
+from ncgen.files import argument_was, path_of, write_bytes, write_text
 from ncgen.model.elements import Point, Vector, coordinate_of
 from ncgen.solver.given import echo, offer
 from ncgen.solver.trajectories.motion_quantities import MotionQuantities
@@ -193,7 +193,7 @@ class Trajectory(MotionQuantities):
 
     # -- files ---------------------------------------------------------------------------------
 
-    @output_was("path")
+    @argument_was("path")
     def to_npz(self, output: str | os.PathLike[str]) -> Path:
         """Write the trajectory as a NumPy archive, from which `ncgen.read` gives it back.
 
@@ -219,7 +219,7 @@ class Trajectory(MotionQuantities):
 
         return write_bytes(path_of(output), archive(self))
 
-    @output_was("path")
+    @argument_was("path")
     def to_csv(self, output: str | os.PathLike[str]) -> Path:
         """Write t, coordinates, velocities, inputs and outputs as a table with a header line and every digit.
 
@@ -242,7 +242,7 @@ class Trajectory(MotionQuantities):
 
         return write_text(path_of(output), comma_separated(self))
 
-    @output_was("path")
+    @argument_was("path")
     def to_parquet(self, output: str | os.PathLike[str]) -> Path:
         """Write the columns of `to_csv` as a Parquet file.
 
@@ -290,7 +290,7 @@ class Trajectory(MotionQuantities):
     @overload
     def plot(self, output: str | os.PathLike[str], names: str | Iterable[str] | None = None, against: str | None = None) -> Path: ...
 
-    @output_was("path")
+    @argument_was("path")
     def plot(
         self, output: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None, against: str | None = None
     ) -> Figure | Path:
@@ -320,7 +320,7 @@ class Trajectory(MotionQuantities):
     @overload
     def animate(self, output: str | os.PathLike[str]) -> Path: ...
 
-    @output_was("path")
+    @argument_was("path")
     def animate(self, output: str | os.PathLike[str] | None = None) -> PageLike | Path:
         """Show the motion on a self-contained HTML page, or as a film.
 

@@ -36,7 +36,7 @@ def archive(run: Trajectory) -> bytes:
     np.savez(
         buffer, t=run.t, q=run.q, qd=run.qd, qdd=run.qdd, lam=run.lam, work=run.work, p=run.p,
         coordinates=np.array(run.coordinates, dtype=str), parameters=np.array(run.kernels.parameters, dtype=str),
-        rows=np.array([r.label for r in run.model.rows], dtype=str), independent=np.array(run.independent, dtype=str),
+        constraints=np.array([r.label for r in run.model.rows], dtype=str), independent=np.array(run.independent, dtype=str),
         about=np.array(json.dumps(about(run))), **inputs_and_outputs,
     )  # fmt: skip
     return buffer.getvalue()
@@ -47,12 +47,12 @@ def about(run: Trajectory) -> dict[str, Any]:
     made_by = {name: getattr(run, name) for name in ("formalism", "integrator", "engine", "number", "stopped", "made_with")}
     versions = {"ncgen": __version__, "numpy": np.__version__, "python": platform.python_version(), **_built(run)}
     options = {name: value if isinstance(value, (bool, int, str)) else float(value) for name, value in run.options.items()}
-    own = {"name": run.name, "chosen": list(run.chosen), "options": options, "statistics": asdict(run.statistics)}
+    record = {"name": run.name, "chosen": list(run.chosen), "options": options, "statistics": asdict(run.statistics)}
     if run.impulses:
-        own["impulses"] = [[each.t, each.driver, each.size] for each in run.impulses]
+        record["impulses"] = [[each.t, each.driver, each.size] for each in run.impulses]
     if run.events:
-        own |= {"events": [each.plain() for each in run.events], "changed": bool(run.modes) or run.changed}
-    return {"format": FORMAT, **versions, **made_by, **own}
+        record |= {"events": [each.plain() for each in run.events], "changed": bool(run.modes) or run.changed}
+    return {"format": FORMAT, **versions, **made_by, **record}
 
 
 def _built(run: Trajectory) -> dict[str, str]:

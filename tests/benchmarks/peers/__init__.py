@@ -15,7 +15,7 @@ import numpy as np
 
 from ncgen.comparisons.bench import aligned
 from ncgen.comparisons.hard import ATOL_OVER_RTOL
-from ncgen.comparisons.hard_cases import four_bars_position
+from ncgen.comparisons.hard_linkages import four_bars_position
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module

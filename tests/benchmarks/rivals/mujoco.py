@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from cffi import FFI
 
 from benchmarks.rivals.articulated import Joint
 from ncgen.errors import NcgenError
@@ -16,6 +14,7 @@ from ncgen.report.repeat import KernelCall
 from ncgen.toolchain.abi import abi
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS
+from ncgen.toolchain.loader import opened
 
 SOURCE = Path(__file__).with_suffix(".c")
 
@@ -58,11 +57,8 @@ class InPython:
             built = compiled(files, (*FLAGS, f"-I{home}/include"), (str(found[0]), f"-Wl,-rpath,{home}", "-lm"))
         except NcgenError:
             return None
-        ffi = FFI()
-        ffi.include(abi())
-        ffi.cdef("void mujoco_make(unsigned long long, unsigned long long, const int *, const int *, const double *);")
-        ffi.cdef("ncgen_velocity_kernel mujoco_gamma;")
-        library: Any = ffi.dlopen(str(built.library))
+        made = "void mujoco_make(unsigned long long, unsigned long long, const int *, const int *, const double *);"
+        ffi, library = opened(built.library, f"{made} ncgen_velocity_kernel mujoco_gamma;", abi())
         at, rates, signs = [places[j.rate] for j in self.order], [j.rate for j in self.order], [j.sign for j in self.order]
         library.mujoco_make(self.model._address, self.data._address, at, rates, signs)
         return KernelCall(ffi.addressof(library, "mujoco_gamma"), len(at), (ffi, library, self))

@@ -8,16 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from cffi import FFI
 
 from benchmarks.rivals.articulated import Joint
 from ncgen.errors import NcgenError
 from ncgen.report.repeat import KernelCall
 from ncgen.toolchain.abi import abi
 from ncgen.toolchain.cache import BuiltLibrary, compiled
+from ncgen.toolchain.loader import opened
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 
@@ -48,11 +47,8 @@ def in_cpp(joints: Sequence[Joint], places: Sequence[int], gravity: Sequence[flo
         built = compiled_cpp(SOURCE, FLAGS)
     except (ImportError, NcgenError, StopIteration):
         return None
-    ffi = FFI()
-    ffi.include(abi())
-    ffi.cdef("void pinocchio_make(int, const int *, const int *, const int *, const double *, const double *);")
-    ffi.cdef("ncgen_velocity_kernel pinocchio_gamma;")
-    library: Any = ffi.dlopen(str(built.library))
+    made = "void pinocchio_make(int, const int *, const int *, const int *, const double *, const double *);"
+    ffi, library = opened(built.library, f"{made} ncgen_velocity_kernel pinocchio_gamma;", abi())
     whole = [[-1 if j.parent is None else j.parent for j in joints], [places[j.rate] for j in joints], [j.rate for j in joints]]
     numbers = [x for j in joints for x in (j.sign, *j.rotation.flat, *j.offset, j.mass, *j.centre, *j.inertia.flat)]
     library.pinocchio_make(len(joints), *(ffi.new("int[]", values) for values in whole), ffi.new("double[]", numbers), list(gravity))

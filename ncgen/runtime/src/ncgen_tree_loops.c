@@ -1,0 +1,182 @@
+/* ncgen_tree_loops.c: rows that close loops of a tree of bodies, or couple motions of its joints.
+ *
+ * The multipliers of c rows solve a system of c equations (the Schur complement): G lam = missing with G = Phi_q T (T'M T)^-1 T' Phi_q'.
+ * A row needs one pass inward, over the links between its own and the ground alone, with the momenta and pivots that are there; then all
+ * multipliers together one pass over the tree. Rows that others imply are left out by pivoting.
+ */
+#include "ncgen_tree_loops.h"
+#include "ncgen_tree_rates.h"
+#include "ncgen_tree_solve.h"
+
+/* A pivot below this share of its row's own response is zero: the row is implied by those before it. */
+static const ncgen_scalar least_pivot = R(1.0e-9);
+
+/* What is less than this times that share is near to it: a position where rows are about to depend on each other. */
+static const ncgen_scalar margin = R(1.0e3);
+
+static ncgen_real row_times(const ncgen_run *r, const ncgen_tree_work *w, int row, const ncgen_real *x)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    ncgen_real sum = 0;
+    for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s)
+        sum += w->jacobian[s] * x[phi_q->indices[s]];
+    return sum;
+}
+
+/* A force along a row, in w->force. */
+static void add_row(const ncgen_run *r, ncgen_tree_work *w, int row, ncgen_real force)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s)
+        w->force[phi_q->indices[s]] += force * w->jacobian[s];
+}
+
+static void clear_row(const ncgen_run *r, ncgen_tree_work *w, int row)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s)
+        w->force[phi_q->indices[s]] = 0;
+}
+
+/* x += accelerations of the coordinates of the open tree under the forces in w->force, where nothing else acts or moves. */
+static void respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
+{
+    const ncgen_tree *tree = w->tree;
+    for (int k = 0; k < tree->n_screws; ++k)
+        w->screw[k].push = 0;
+    for (int i = 0; i < tree->n_measured; ++i)
+        w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
+    for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own)
+        ncgen_set6(ncgen_nothing, own->wrench);
+    ncgen_tree_push(w);
+    ncgen_tree_release(w);
+    const ncgen_tree_element *e = w->element;
+    for (const ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own)
+        for (const ncgen_tree_element *last = e + own->n_elements; e < last; ++e) {
+            ncgen_real moved[3];
+            ncgen_carried(e, own->wrench, moved);
+            for (int i = 0; i < 3; ++i)
+                if (e->c[i] < r->n)
+                    x[e->c[i]] += moved[i];
+        }
+    for (int i = 0; i < tree->n_measured; ++i)
+        x[tree->measured[2 * i]] += tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
+}
+
+/* G = L D L' with the largest pivot first, in w->square by w->order: the number of rows that are independent. */
+static int factor(ncgen_tree_work *w)
+{
+    const int c = w->tree->n_closing;
+    ncgen_real *a = w->square;
+    w->is_near_singular = 0;
+    for (int i = 0; i < c; ++i) {
+        w->order[i] = i;
+        w->own[i] = a[i * c + i];
+    }
+    for (int k = 0; k < c; ++k) {
+        int best = k;
+        ncgen_real largest = 0;
+        for (int i = k; i < c; ++i) {
+            const int row = w->order[i];
+            const ncgen_real share = w->own[row] > 0 ? a[row * c + row] / w->own[row] : 0;
+            if (share > largest) {
+                largest = share;
+                best = i;
+            }
+        }
+        if (!(largest > least_pivot))
+            return k;
+        w->is_near_singular |= largest < margin * least_pivot;
+        const int row = w->order[best];
+        w->order[best] = w->order[k];
+        w->order[k] = row;
+        for (int i = k + 1; i < c; ++i) {
+            const int other = w->order[i];
+            const ncgen_real share = a[other * c + row] / a[row * c + row];
+            for (int j = k + 1; j < c; ++j)
+                a[other * c + w->order[j]] -= share * a[w->order[j] * c + row];
+            a[row * c + other] = share; /* of L: nothing else is read there any more */
+        }
+    }
+    return c;
+}
+
+/* What is left of a force along a closing row for every screw on its links' way to the ground, where the joints beyond take their part. */
+static void go_inward(const ncgen_run *r, ncgen_tree_work *w, int closing, ncgen_real *left)
+{
+    const ncgen_tree *tree = w->tree;
+    const int begin = tree->way_start[closing], end = tree->way_start[closing + 1];
+    for (int i = 0; i < tree->n_screws + tree->n_groups; ++i)
+        left[i] = 0;
+    for (int i = 0; i < tree->n_measured; ++i)
+        left[tree->measured[2 * i + 1]] += tree->ratios[i] * w->force[tree->measured[2 * i]];
+    for (int i = begin; i < end; ++i)
+        ncgen_set6(ncgen_nothing, w->link[tree->way[i]].wrench);
+    (void)r;
+    for (int i = begin; i < end; ++i) {
+        ncgen_tree_link *own = w->link + tree->way[i];
+        ncgen_tree_push_link(w, tree->way[i], left, left + tree->n_screws);
+        if (own->parent >= 0)
+            ncgen_add_wrench(own->wrench, own->offset, w->link[own->parent].wrench);
+    }
+}
+
+/* The matrix of the closing rows, factored. With L D L' = T'M T as the recursion has it, G = Y' D^-1 Y, where L Y = T' Phi_q'. */
+static void find_matrix(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t)
+{
+    const ncgen_tree *tree = w->tree;
+    const int c = tree->n_closing, width = tree->n_screws + tree->n_groups;
+    ncgen_phi_q(r, t, w->values, w->jacobian);
+    for (int k = 0; k < r->n; ++k)
+        w->force[k] = 0;
+    for (int i = 0; i < c; ++i) {
+        add_row(r, w, tree->closing[i], 1);
+        go_inward(r, w, i, w->left + (size_t)i * (size_t)width);
+        clear_row(r, w, tree->closing[i]);
+    }
+    for (int k = 0; k < tree->n_screws; ++k)
+        w->weights[k] = w->screw[k].pivot;
+    for (int link = 0; link < (tree->n_groups ? tree->n_links : 0); ++link)
+        for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k)
+            w->weights[k] = tree->coupling[link] < 0 ? w->weights[k] : 0;
+    for (int group = 0; group < tree->n_groups; ++group)
+        w->weights[tree->n_screws + group] = w->group[2 * group];
+    for (int i = 0; i < c; ++i)
+        for (int j = 0; j <= i; ++j) {
+            const ncgen_real *a = w->left + (size_t)i * (size_t)width, *b = w->left + (size_t)j * (size_t)width;
+            ncgen_real sum = 0;
+            for (int k = 0; k < width; ++k)
+                sum += w->weights[k] * a[k] * b[k];
+            w->square[i * c + j] = w->square[j * c + i] = sum;
+        }
+    w->n_independent = factor(w);
+    w->most_independent = w->n_independent > w->most_independent ? w->n_independent : w->most_independent;
+    w->are_there = 1;
+}
+
+int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *wanted, ncgen_real *x)
+{
+    const int n = r->n, c = w->tree->n_closing;
+    if (!w->are_there)
+        find_matrix(r, w, t);
+    const int count = w->n_independent;
+    const ncgen_real *a = w->square;
+    for (int i = 0; i < c; ++i)
+        w->missing[i] = (wanted ? wanted[w->tree->closing[i]] : 0) - row_times(r, w, w->tree->closing[i], x);
+    for (int k = 0; k < count; ++k)
+        for (int i = k + 1; i < count; ++i)
+            w->missing[w->order[i]] -= a[w->order[k] * c + w->order[i]] * w->missing[w->order[k]];
+    for (int k = count - 1; k >= 0; --k) {
+        const int row = w->order[k];
+        ncgen_real lam = w->missing[row] / a[row * c + row];
+        for (int i = k + 1; i < count; ++i)
+            lam -= a[row * c + w->order[i]] * w->missing[w->order[i]];
+        w->missing[row] = lam;
+    }
+    for (int i = 0; i < n; ++i)
+        w->force[i] = 0;
+    for (int k = 0; k < count; ++k)
+        add_row(r, w, w->tree->closing[w->order[k]], w->missing[w->order[k]]);
+    respond(r, w, x);
+    return !w->is_near_singular && count == w->most_independent;
+}
