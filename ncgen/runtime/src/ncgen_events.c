@@ -5,6 +5,7 @@
 #include "ncgen_chain.h"
 #include "ncgen_holding.h"
 #include "ncgen_modes.h"
+#include "ncgen_rubbing.h"
 
 static int sign_of(ncgen_real x)
 {
@@ -154,7 +155,7 @@ static int choose_held(ncgen_instant *i, const int *happened, const int *resting
     const int status = ncgen_choose_held(i, happened, resting, ncgen_was_hit(i));
     for (int k = ncgen_n_events(i); k < i->count; ++k) {
         const int way = ncgen_way(i->events, i->p, k);
-        i->passage->signs[k] = way == NCGEN_UNWATCHED ? 0 : -way;
+        i->passage->signs[k] = way == NCGEN_UNWATCHED || ncgen_slides_in_space(i->events, k) ? 0 : -way;
     }
     return status == NCGEN_OK ? accelerate(i) : status;
 }
