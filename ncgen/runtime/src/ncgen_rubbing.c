@@ -36,6 +36,14 @@ int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing,
     return ncgen_is_still(velocity, terms * speed, 0);
 }
 
+int ncgen_slides_in_space(const ncgen_events *events, int condition)
+{
+    int found = 0;
+    for (int k = 0; k < events->n_rubbings; ++k)
+        found |= events->rubbings[k].condition == condition && events->rubbings[k].directions > 1;
+    return found;
+}
+
 int ncgen_comes_to_rest(const ncgen_instant *i, const ncgen_rubbing *rubbing)
 {
     ncgen_real before[2] = {0, 0};
@@ -70,13 +78,15 @@ void ncgen_write_ways(const ncgen_instant *i, const ncgen_active *active)
             continue;
         const ncgen_real *w = i->sliding + rubbing->first, size = norm(n, w);
         const int slides = active->wanted[rubbing->gap] && !active->wanted[h];
+        ncgen_real before[2] = {i->p[rubbing->slip[0]], i->p[rubbing->slip[1]]}, longest = norm(2, before);
+        longest = longest > size ? longest : size; /* of this slide */
         for (int l = 0; l < n; ++l) {
             if (!slides)
                 i->p[rubbing->slip[l]] = 0;
             else if (active->released[h])
                 i->p[rubbing->slip[l]] = i->passage->ways[2 * h + l];
             else if (size > 0)
-                i->p[rubbing->slip[l]] = n > 1 ? w[l] : (w[l] > 0) - (w[l] < 0);
+                i->p[rubbing->slip[l]] = n > 1 ? w[l] / size * longest : (w[l] > 0) - (w[l] < 0);
         }
     }
 }

@@ -13,6 +13,9 @@ const ncgen_rubbing *ncgen_rubbing_of(const ncgen_events *events, int hold);
 /* Does a contact not slide, but for rounding, at most this velocity in natural sizes being the greatest? */
 int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed);
 
+/* Is this the velocity of a contact in space along its direction? It has to become faster than where the contact comes to rest first. */
+int ncgen_slides_in_space(const ncgen_events *events, int condition);
+
 /* Did a contact come to rest whose velocity passed zero along its direction? In space it may have turned by 90 degrees. */
 int ncgen_comes_to_rest(const ncgen_instant *i, const ncgen_rubbing *rubbing);
 
