@@ -38,10 +38,10 @@ int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing,
 
 int ncgen_slides_in_space(const ncgen_events *events, int condition)
 {
-    int found = 0;
+    int is_known = 0;
     for (int k = 0; k < events->n_rubbings; ++k)
-        found |= events->rubbings[k].condition == condition && events->rubbings[k].directions > 1;
-    return found;
+        is_known |= events->rubbings[k].condition == condition && events->rubbings[k].directions > 1;
+    return is_known;
 }
 
 int ncgen_comes_to_rest(const ncgen_instant *i, const ncgen_rubbing *rubbing)
