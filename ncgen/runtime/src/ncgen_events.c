@@ -4,6 +4,7 @@
 #include "ncgen_breaks.h"
 #include "ncgen_chain.h"
 #include "ncgen_holding.h"
+#include "ncgen_rubbing.h"
 #include "ncgen_modes.h"
 #include "ncgen_rubbing.h"
 
@@ -215,11 +216,13 @@ static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
 /* The same of what may be held in the mechanism with switches. */
 static int choose_held(ncgen_instant *i, const int *happened, const int *resting)
 {
-    const int status = ncgen_choose_held(i, happened, resting, ncgen_was_hit(i));
+    int status = ncgen_choose_held(i, happened, resting, ncgen_was_hit(i));
     for (int k = n_events(i); k < i->count; ++k) {
         const int way = ncgen_way(i->events, i->p, k);
-        i->passage->signs[k] = way == NCGEN_UNWATCHED || ncgen_slides_in_space(i->events, k) ? 0 : -way;
+        i->passage->signs[k] = way == NCGEN_UNWATCHED ? 0 : -way;
     }
+    if (status == NCGEN_OK)
+        status = ncgen_forget_sides(i);
     return status == NCGEN_OK ? accelerate(i) : status;
 }
 
