@@ -4,7 +4,6 @@
 #include "ncgen_breaks.h"
 #include "ncgen_chain.h"
 #include "ncgen_holding.h"
-#include "ncgen_rubbing.h"
 #include "ncgen_modes.h"
 #include "ncgen_rubbing.h"
 
