@@ -450,6 +450,8 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
             ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         if (status == NCGEN_OK)
             status = ncgen_apply_events(d, events, p, moment, passage);
+        if (status == NCGEN_OK && ncgen_holds_others(events, p, passage))
+            moment->h = 0; /* as it moves now another step may be right */
         repeated = moment->t > from ? 0 : repeated + 1;
         if (status == NCGEN_OK && repeated > NCGEN_MOST_REPEATED)
             status = NCGEN_ENDLESS;

@@ -9,7 +9,7 @@ enum { MOST_PARTS = 12 /* contacts of which all parts are looked at; of more onl
 /* As in ncgen/solver/events/active_constraints.py: in space a contact comes to rest at this share of the largest velocity of its slide; around
  * rest steps miss velocities by so many times what they are to see; how much longer the direction is in which one begins to slide; a velocity
  * has no digits below a share of its terms; of a fixed step, what it changes that is not seen. */
-static const ncgen_scalar rest = R(1.0e-11), unseen = R(20.0), from_rest = R(100.0), rounding_share = R(1.0e-3), of_step = R(0.1);
+static const ncgen_scalar rest = R(1.0e-11), unseen = R(200.0), from_rest = R(100.0), rounding_share = R(1.0e-3), of_step = R(0.1);
 
 const ncgen_rubbing *ncgen_rubbing_of(const ncgen_events *events, int hold)
 {
