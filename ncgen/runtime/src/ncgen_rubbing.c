@@ -9,7 +9,10 @@ enum { MOST_PARTS = 12 /* contacts of which all parts are looked at; of more onl
 /* As in ncgen/solver/events/active_constraints.py: in space a contact comes to rest at this share of the largest velocity of its slide; around
  * rest steps miss velocities by so many times what they are to see; how much longer the direction is in which one begins to slide; a velocity
  * has no digits below a share of its terms; of a fixed step, what it changes that is not seen. */
-static const ncgen_scalar rest = R(1.0e-11), unseen = R(200.0), from_rest = R(100.0), rounding_share = R(1.0e-3), of_step = R(0.1);
+static const ncgen_scalar rest = R(1.0e-11), unseen = R(20.0), from_rest = R(100.0), rounding_share = R(1.0e-3), of_step = R(0.1);
+
+/* The same where every step may take the whole tolerance, while friction turns the velocity the faster the smaller it is. */
+static const ncgen_scalar unseen_at_first = R(1000.0);
 
 const ncgen_rubbing *ncgen_rubbing_of(const ncgen_events *events, int hold)
 {
@@ -108,7 +111,7 @@ static int find_beginning(ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_
         fastest = own > fastest ? own : fastest;
     }
     const ncgen_real speed = from_rest * NCGEN_SQRT(fastest * largest_change(i, rubbing, natural_size));
-    const ncgen_real missed = unseen * largest_change(i, rubbing, unseen_velocity) / rest;
+    const ncgen_real missed = (i->d->options->span > 0 ? unseen : unseen_at_first) * largest_change(i, rubbing, unseen_velocity) / rest;
     *length = speed > missed ? speed : missed;
     return NCGEN_OK;
 }
