@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -89,8 +89,7 @@ class HeldGaps:
         return model, described
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Note:
+class Note(NamedTuple):
     """What happened at an event of motion `owner`, or from the number of the conditions on to what may be held; what: 0 it happened, 1 it
     is held from now on, 2 no longer, 3 a joint turns; cause: 0 by its condition, 1 at the start, 2 it follows from others, 3 by its load;
     limit: s, or None; other members as of `Happening`."""
@@ -361,23 +360,9 @@ class EventRuns:
         """Those that have come since the last call."""
         rows, self._log.count = self._rows[: self._log.count].copy(), 0
         n, notes = self._n, []
-        for row in rows:
-            owner, event, transition, how, t, impulse, lost, limit = row[:STATE].tolist()
-            q, before, after = (row[STATE + k * n : STATE + (k + 1) * n] for k in range(3))
+        numbers = rows[:, :STATE].tolist()
+        states = rows[:, STATE:].reshape(len(rows), 3, n)
+        for (owner, event, transition, cause, t, impulse, lost, limit), (q, before, after) in zip(numbers, states, strict=True):
             ends = None if limit < 0 else t + limit
-            notes.append(
-                Note(
-                    owner=int(owner),
-                    event=int(event),
-                    transition=int(transition),
-                    cause=int(how),
-                    t=t,
-                    impulse=impulse,
-                    lost=lost,
-                    limit=ends,
-                    q=q,
-                    before=before,
-                    after=after,
-                )
-            )
+            notes.append(Note(int(owner), int(event), int(transition), int(cause), t, impulse, lost, ends, q, before, after))
         return notes

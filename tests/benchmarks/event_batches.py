@@ -55,6 +55,32 @@ def oscillator(eventful: bool) -> ncgen.Model:
     return m
 
 
+def discs(eventful: bool) -> ncgen.Model:
+    """Two on one axis, and a clutch that closes and opens."""
+    m = ncgen.Model("discs")
+    O, x, z = m.point("O", (0, 0), fixed=True), m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    angles = []
+    for name, inertia in (("first", 2.0), ("second", 3.0)):
+        P = m.point(name, (1, 0))
+        m.body(f"{name}.disc", [O, P], mass=1.0, com=(0, 0), inertia=inertia)
+        angles.append(m.angle(f"{name}.angle", x, P - O, z))
+    if eventful:
+        m.clutch(*angles, when=0.5 - m.time, until=1.0 - m.time, name="clutch")
+    return m
+
+
+def thrown(eventful: bool) -> ncgen.Model:
+    """A point that bounces with friction, slides and sticks."""
+    m = ncgen.Model("thrown")
+    P = m.point("P", (0, 0.5))
+    body = m.body("point", [P], mass=1.0)
+    m.gravity((0, -9.81))
+    if eventful:
+        up, O = m.vector("up", (0, 1), fixed=True), m.point("O", (0, 0), fixed=True)
+        m.contact("floor", body, P, m.ground, O, normal=up, friction=0.2, restitution=0.4)
+    return m
+
+
 def scenes() -> Iterator[Scene]:
     heights = np.linspace(0.5, 1.5, COUNT)
     yield Scene("balls, 1.3 s", ball(True), ball(False), 1.3, {"q0": heights[:, None]}, [{"q0": {"P.y": h}} for h in heights.tolist()])
@@ -65,6 +91,13 @@ def scenes() -> Iterator[Scene]:
     yield Scene(
         "oscillators, 30 s", oscillator(True), oscillator(False), 30.0, blocks, [{"zd0": {"s": w}, "z": ("s",)} for w in rates.tolist()]
     )
+    starts = np.column_stack([rates, np.zeros(COUNT)])
+    for name, model, seconds, z in (
+        ("discs with a clutch, 1.5 s", discs, 1.5, ("first.angle", "second.angle")),
+        ("thrown points, 2 s", thrown, 2.0, ("P.x", "P.y")),
+    ):
+        alone = [{"zd0": dict(zip(z, start, strict=True)), "z": z} for start in starts.tolist()]
+        yield Scene(name, model(True), model(False), seconds, {"zd0": starts, "z": z}, alone)
 
 
 def spent(call: Callable[[], object]) -> float:
@@ -75,8 +108,8 @@ def spent(call: Callable[[], object]) -> float:
 
 
 def main() -> None:
-    print("| 64 motions | events | one run | batch, a motion | of a loop of runs | of the smooth batch |")
-    print("|---|---|---|---|---|---|")
+    print("| 64 motions | events | steps | of the smooth batch | one run | batch, a motion | of a loop of runs | of the smooth batch |")
+    print("|---|---|---|---|---|---|---|---|")
     for scene in scenes():
         kernels, smooth = ncgen.compile(scene.eventful), ncgen.compile(scene.smooth)
 
@@ -87,16 +120,17 @@ def main() -> None:
             for start in scene.alone:
                 ncgen.simulate(kernels, scene.seconds, points=11, integrator="dopri5", **start)
 
-        def without(kernels: ncgen.Kernels = smooth, scene: Scene = scene) -> None:
-            ncgen.simulate(kernels, scene.seconds, points=11, threads=1, **scene.together)
+        def without(kernels: ncgen.Kernels = smooth, scene: Scene = scene) -> ncgen.BatchTrajectory:
+            return ncgen.simulate(kernels, scene.seconds, points=11, threads=1, **scene.together)
 
         batch = together()
         assert batch.ok.all(), next(status for status in batch.status if status != "ok")
-        loop(), without()
+        loop()
+        steps = f"{batch.steps.sum()} | {without().steps.sum()}"
         times = np.array([[spent(each) for each in (together, loop, without)] for _ in range(PAIRS)]).min(axis=0) / COUNT * 1e6
         events, (batched, single, plain) = sum(map(len, batch.events)), times.tolist()
         ratios = f"1/{single / batched:.0f} | {batched / plain:.1f}"
-        print(f"| {scene.name} | {events} | {single:,.0f} µs | {batched:,.0f} µs | {ratios} |")
+        print(f"| {scene.name} | {events} | {steps} | {single:,.0f} µs | {batched:,.0f} µs | {ratios} |")
 
 
 if __name__ == "__main__":

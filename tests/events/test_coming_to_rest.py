@@ -46,7 +46,7 @@ def test_a_sphere_rolls_from_the_closed_time_on_whatever_the_tolerance(friction,
     expected = time_of_rest(3.5 * friction * G * math.cos(slope), -g[0], w)
     for rtol in (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12):
         run = ncgen.simulate(kernels, 2.0, qd0={"C.x": w[0], "C.y": w[1], "C.z": 0.0, "u.z": 0.0, "v.z": 0.0}, rtol=rtol, points=3)
-        assert [each.what for each in run.events] == ["rests", "sticks"]
+        assert [each.transition for each in run.events] == ["rests", "sticks"]
         assert run.events[1].t == pytest.approx(expected, rel=max(100 * rtol, 3e-10))
         assert run.qd[-1, :2] == pytest.approx(5 / 7 * (w + 2.0 * g), rel=max(10 * rtol, 1e-10))
 
@@ -65,7 +65,7 @@ def test_a_particle_stops_where_the_hodograph_says(friction, slope, integrator):
     kernels = ncgen.compile(inclined(friction, slope, False))
     for rtol in (1e-5, 1e-8, 1e-11):
         run = ncgen.simulate(kernels, 2.0, qd0={"C.x": w[0], "C.y": w[1], "C.z": 0.0}, rtol=rtol, integrator=integrator, points=3)
-        assert [each.what for each in run.events] == ["rests", "sticks"]
+        assert [each.transition for each in run.events] == ["rests", "sticks"]
         assert run.events[1].t == pytest.approx(time_of_rest(a, g, w), rel=max(100 * rtol, 1e-9))
         assert run.q[-1, :2] == pytest.approx(place, rel=max(10 * rtol, 1e-8)) and np.max(np.abs(run.qd[-1])) < 1e-15
 
@@ -75,7 +75,7 @@ def test_a_particle_stops_with_a_fixed_step():
     w, a, g = np.array([1.0, 0.5]), 0.5 * G * math.cos(0.3), G * math.sin(0.3)
     kernels = ncgen.compile(inclined(0.5, 0.3, False))
     run = ncgen.simulate(kernels, 1.0, qd0={"C.x": w[0], "C.y": w[1], "C.z": 0.0}, integrator="rk4", max_step=1e-3, points=3)
-    assert run.events[-1].what == "sticks" and run.events[-1].t == pytest.approx(time_of_rest(a, g, w), abs=3e-3)
+    assert run.events[-1].transition == "sticks" and run.events[-1].t == pytest.approx(time_of_rest(a, g, w), abs=3e-3)
 
 
 def test_a_push_that_comes_and_goes():
@@ -87,7 +87,7 @@ def test_a_push_that_comes_and_goes():
     run = ncgen.simulate(ncgen.compile(m), 1.1, rtol=1e-11, points=3)
     slips, sticks = (each for each in run.events if each.t > 0)
     begins = 0.5 - math.sqrt(0.25 - 2.0 * math.sqrt(a**2 - g**2) / push)
-    assert [slips.what, sticks.what] == ["slips", "sticks"] and slips.t == pytest.approx(begins, rel=1e-9)
+    assert [slips.transition, sticks.transition] == ["slips", "sticks"] and slips.t == pytest.approx(begins, rel=1e-9)
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:
         return np.array([*y[2:], *(np.array([-g, push * t * (1 - t) / 2.0]) - a * y[2:] / np.hypot(*y[2:]))])

@@ -280,15 +280,16 @@ def test_steps_with_error_control(case):
     """Few instants and steps between them by tolerance, for which the tape has to grow: the derivatives of the motion, both ways."""
     kernels, rates, columns, method = case
     at = {"zd0": rates, "z": tuple(rates)}
-    if method == "rk4":
-        with pytest.raises(ModelError, match="its motion is not emitted in C"):
+    if kernels.name == "driven":
+        with pytest.raises(ModelError, match="or to one that the emitted order of elimination does not suit.*; .* or take rk4"):
             ncgen.sensitivities(kernels, DURATION, 2, integrator="dopri5", rtol=1e-10, **at)
         return
     found = ncgen.sensitivities(kernels, DURATION, 2, integrator="dopri5", rtol=1e-11, **at)
+    error = 1e-4 if method == "rk4" else 1e-8  # of what is wanted: these steps have order four
     for k, wanted in enumerate(columns.values()):
         by_q, by_qd = wanted.imag[:, :: STEPS // 2] / STEP
-        assert np.max(np.abs(found.q_by[:, :, k] - by_q)) <= 1e-8 * max(1.0, np.max(np.abs(by_q)))
-        assert np.max(np.abs(found.qd_by[:, :, k] - by_qd)) <= 1e-8 * max(1.0, np.max(np.abs(by_qd)))
+        assert np.max(np.abs(found.q_by[:, :, k] - by_q)) <= error * max(1.0, np.max(np.abs(by_q)))
+        assert np.max(np.abs(found.qd_by[:, :, k] - by_qd)) <= error * max(1.0, np.max(np.abs(by_qd)))
     a, b = (w[:3] for w in weights(kernels))
     back = ncgen.gradient(kernels, DURATION, 2, lambda q, qd: (np.sum(a * q + b * qd), a, b), integrator="dopri5", rtol=1e-11, **at)
     wanted = np.einsum("kn,knd->d", a, found.q_by) + np.einsum("kn,knd->d", b, found.qd_by)
@@ -314,12 +315,9 @@ def test_a_singular_position_is_refused():
 
 
 def test_integrators(case):
-    kernels, rates, _, method = case
+    kernels, rates, *_ = case
     with pytest.raises(ModelError, match="integrator: 'radau' given; derivatives go through steps of"):
         ncgen.sensitivities(kernels, 0.1, 2, integrator="radau", z=tuple(rates))
-    if method == "rk4":
-        with pytest.raises(ModelError, match=f"{kernels.name}: its motion is not emitted in C, so derivatives go through steps of rk4"):
-            ncgen.sensitivities(kernels, 0.1, 2, integrator="dop853", z=tuple(rates))
 
 
 def test_a_motion_on_bad_coordinates_is_refused(monkeypatch):

@@ -46,6 +46,8 @@ static void restrict_to(int degree, const ncgen_real *b, ncgen_scalar low, ncgen
 {
     for (int i = 0; i <= degree; ++i)
         c[i] = b[i];
+    if (!(low > 0) && !(high < 1))
+        return;
     for (int j = 1; j <= degree; ++j)
         for (int i = degree; i >= j; --i)
             c[i] = (1 - high) * c[i - 1] + high * c[i];

@@ -104,10 +104,12 @@ static int interpolate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_sc
     if (status != NCGEN_OK)
         return status;
     ncgen_scalar weights[WIDTH];
-    for (int j = 0; j < method->width; ++j) {
+    for (int j = 0; j < method->width; ++j)
         weights[j] = 0;
-        for (int k = method->n_dense - 1; k >= 0; --k)
-            weights[j] = (weights[j] + method->dense[k][j]) * (k % 2 ? 1 - s : s);
+    for (int k = method->n_dense - 1; k >= 0; --k) {
+        const ncgen_scalar factor = k % 2 ? 1 - s : s, *dense = method->dense[k];
+        for (int j = 0; j < method->width; ++j)
+            weights[j] = (weights[j] + dense[j]) * factor;
     }
     ncgen_advance_by_stages(r, w, h, method->width, weights, w->at);
     return NCGEN_OK;

@@ -116,6 +116,22 @@ static void release_groups(ncgen_tree_work *w, int link, const ncgen_real *known
         }
 }
 
+/* Do all screws of a link move inertia, compared with what it carries? With closing rows a joint may move none, where these hold it; its
+ * pivot is then rounding. */
+static int has_inertia(const ncgen_tree_screw *screw, int count, ncgen_real turning, ncgen_real along)
+{
+    const ncgen_scalar most = R(1.0e11);
+    int is_regular = 1;
+    for (const ncgen_tree_screw *end = screw + count; screw < end; ++screw)
+        is_regular &= screw->pivot * (screw->turns ? turning : along) * ncgen_dot3(screw->axis, screw->axis) < most;
+    return is_regular;
+}
+
+static ncgen_real trace_of(const ncgen_real *symmetric)
+{
+    return symmetric[0] + symmetric[1] + symmetric[2];
+}
+
 /* The tree --------------------------------------------------------------------------------------------------------- */
 
 int ncgen_tree_reduce(ncgen_tree_work *w)
@@ -132,6 +148,7 @@ int ncgen_tree_reduce(ncgen_tree_work *w)
         add_forces(w->force, element, element + own->n_elements, own->wrench);
         if (n_groups)
             is_regular &= close_groups(w, link);
+        const ncgen_real turning = trace_of(own->inertia + TURNING), along = trace_of(own->inertia + ALONG);
         if (own->is_hinge)
             is_regular &= eliminate(--screw, 1, own->inertia, own->wrench);
         else if (own->group >= 0)
@@ -141,6 +158,8 @@ int ncgen_tree_reduce(ncgen_tree_work *w)
                 --screw;
                 is_regular &= eliminate(screw, screw->turns, own->inertia, own->wrench);
             }
+        if (w->tree->n_closing && own->group < 0)
+            is_regular &= has_inertia(screw, own->n_screws, turning, along);
         if (own->parent >= 0) {
             ncgen_add_shifted(own->inertia, own->offset, parent->inertia);
             ncgen_add_wrench(own->wrench, own->offset, parent->wrench);

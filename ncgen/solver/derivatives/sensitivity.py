@@ -23,7 +23,7 @@ from ncgen.solver.derivatives.event_motion import FINE, EventMotion, EventSensit
 from ncgen.solver.derivatives.objective import check_objective, filled, of_objective
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.derivatives.stepped_motion import SteppedMotion
-from ncgen.solver.derivatives.taped_motion import TapedMotion
+from ncgen.solver.derivatives.taped_motion import NotTaped, TapedMotion
 from ncgen.solver.engines.acceleration_forms import has_emitted_recursion
 from ncgen.solver.engines.capabilities import checked_compiled
 from ncgen.solver.given import checked_kernels, echo, has_events, names_of, numbers_of, refuse_events, values_by_name
@@ -262,9 +262,14 @@ def motion_from(
     kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, integrator: str, tolerances: Tolerances | None = None,
     signals: Signals | None = None,
 ) -> TapedMotion | PartitionedMotion:  # fmt: skip
-    """A motion by explicit steps over the times of a grid; follows: whether the position at its start is the model's own."""
+    """A motion by explicit steps over the times of a grid; follows: whether the position at its start is the model's own. The steps are
+    those of C, or of Python where C has none that can be differentiated and the method is rk4."""
     if is_taped(kernels, integrator):
-        return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances, signals)
+        try:
+            return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances, signals)
+        except NotTaped:
+            if integrator != "rk4" or kernels.model.callbacks:
+                raise
     return PartitionedMotion(kernels, initial, times, follows, signals)
 
 

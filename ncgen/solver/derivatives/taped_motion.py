@@ -92,6 +92,10 @@ class _Start(StartFrames):
     frames: tuple[Kinematics, Kinematics]
 
 
+class NotTaped(ModelError):
+    """A step of a run went otherwise than its tape."""
+
+
 class TapedMotion:
     """A motion, seen at the instants of a grid: one step of the method from each to the next, or with tolerances as many as that takes.
 
@@ -230,7 +234,7 @@ class TapedMotion:
         return _Start(first.R, second.R, self.kernels.start_p(self.p) if self._follows else None, (first, second))
 
     def _check(self) -> None:
-        """Raises DomainError, ConvergenceError or ModelError where the run did not arrive, or not by steps that have derivatives."""
+        """Raises DomainError, ConvergenceError or NotTaped where the run did not arrive, or not by steps that have derivatives."""
         done, kernels = self._run.outcome, self.kernels
         if done.status != "ok":
             done.completed()
@@ -240,7 +244,7 @@ class TapedMotion:
                 f"{kernels.name}: the motion cannot continue beyond t = {done.reached:.6g} s ({done.status}); {REMEDIES[done.status]}"
             )
         if (t := self._run.not_differentiable) is not None:
-            raise ModelError(
-                f"{kernels.name}: the motion is next to a singular position at t = {t:.6g} s, where derivatives have no correct "
-                "digits; end the motion before, or start elsewhere"
+            raise NotTaped(
+                f"{kernels.name}: the motion is next to a singular position at t = {t:.6g} s, or to one that the emitted order of "
+                "elimination does not suit, where derivatives have no correct digits; end the motion before, start elsewhere, or take rk4"
             )

@@ -182,8 +182,8 @@ class ActiveConstraints:
         size = float(np.linalg.norm(force))
         if len(force) == 1 or not size:
             return np.sign(-force)
-        fastest = float(np.max(np.einsum("kn,nk->k", slopes, response(self.kernels, at, slopes)))) * size
-        speed = math.sqrt(fastest * np.max(np.abs(slopes) @ self.kernels.column_sizes))
+        deceleration = float(np.max(np.einsum("kn,nk->k", slopes, response(self.kernels, at, slopes)))) * size
+        speed = math.sqrt(deceleration * np.max(np.abs(slopes) @ self.kernels.column_sizes))
         return -force / size * max(FROM_REST * speed, self.unseen_sliding(k, at) / REST)
 
     def largest(self, k: int, at: State, velocity: np.ndarray) -> float:

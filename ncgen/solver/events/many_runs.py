@@ -108,8 +108,8 @@ class ManyRuns:
     def _drive(self) -> None:
         """Give the motions what drives them: inputs, and the breaks of their laws. Drivers whose velocity jumps are left to single runs."""
         kernels, motions, signals = self.kernels, self.motions, self.run.signals
-        laws, ends = signals.laws if signals else (), motions.times[[0, -1]].tolist()
-        breaks = [break_times(kernels, p, *ends, laws) for p in motions.p]
+        laws, (start, end) = signals.laws if signals else (), motions.times[[0, -1]].tolist()
+        breaks = [break_times(kernels, p, start, end, laws) for p in motions.p]
         self._left = set[int]()
         if may_jump(kernels):
             self._left = {i for i, each in enumerate(breaks) if has_driver_jumps(kernels, motions.p[i], motions.q[i], each)}
@@ -200,10 +200,12 @@ class ManyRuns:
         return pairs + [(each.name, ("", *LOCKS)) for each in (self._exported.holdables if self._exported else ())]
 
     def _happenings(self, notes: list[Note]) -> tuple[Happening, ...]:
-        """Those of a motion; at one instant a gap and the contact that sticks there have the same limit."""
-        happened = [self._happening(note) for note in notes]
+        """Those of a motion; where bounces end in a contact, the limit is also that of its sticking at this instant."""
+        happened = tuple(map(self._happening, notes))
+        if not self.kernels.model.contacts:
+            return happened
         limits = {(each.t, each.name): each.limit for each in happened if each.limit is not None}
-        return tuple(replace(each, limit=limits.get((each.t, each.name))) for each in happened)
+        return tuple(replace(each, limit=limits[key]) if (key := (each.t, each.name)) in limits else each for each in happened)
 
     def _happening(self, note: Note) -> Happening:
         search = SEARCHES[note.cause] if note.cause else self._searches[note.event]
@@ -266,8 +268,9 @@ class ManyRuns:
         """The address of the function of numbers that C asks for, 0 where there are none."""
         if not values:
             return 0
-        program = assemble_conditions(self.kernels.programs.equations, [], [], values, [])["element_values"]
-        return self._compiled(self.kernels, "actions", program, len(values))
+        equations = self.kernels.programs.equations
+        make = lambda: assemble_conditions(equations, [], [], values, [])["element_values"]  # noqa: E731
+        return self._compiled(self.kernels, "actions", make, len(values))
 
     def _held(self, exported: EventTable) -> tuple[list[tuple[str, int, int, int, int, int, int]], HeldGaps, int]:
         """What may be held, the mechanism for it, and how many conditions its loads have."""
@@ -275,22 +278,24 @@ class ManyRuns:
         mechanism, loads = exported.held, len(exported.loads)
         assert mechanism, "something may be held"
         kernels = self.kernels.remember("held with switches", (), lambda: on_demand.compiled(mechanism.sources, backend="c"))
-        made = self._compiled(kernels, "held_conditions", mechanism.programs[0], 2 * (self.functions.count + loads))
+        made = self._compiled(kernels, "held_conditions", lambda: mechanism.programs[0], 2 * (self.functions.count + loads))
         dynamics = acceleration_forms.all_coordinates(kernels, form="dense", integrator=self.method.integrator.name)
-        friction = self._compiled(kernels, "held_friction", mechanism.programs[1], kernels.n) if exported.rubs else 0
+        friction = self._compiled(kernels, "held_friction", lambda: mechanism.programs[1], kernels.n) if exported.rubs else 0
         return rows, HeldGaps(held=(), dynamics=dynamics, rank=-1, conditions=made, friction=friction), loads
 
-    def _compiled(self, kernels: Kernels, kind: str, program: Program, size: int) -> int:
+    def _compiled(self, kernels: Kernels, kind: str, make: Callable[[], Program], size: int) -> int:
         """The address of a function of a state, made once for the events of a mechanism: equations do not tell events from others."""
-        counts, name = {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}, program.name
-        digest = digest_of_events(self.kernels.model)
-        assert digest, "what events do is data"
-        made = kernels.remember(
-            "functions of many runs", kind,
-            lambda: functions_of(kernels, f"{kind}_{digest[:16]}", {name: program.inputs}, {name: size}, counts, lambda: {name: program}),
-        )  # fmt: skip
-        assert isinstance(made, CompiledFunctions), "events need compiled kernels"
-        return made.address(name)
+        counts, model = {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}, self.kernels.model
+
+        def made() -> tuple[int, CompiledFunctions]:
+            program, digest = make(), digest_of_events(model)
+            assert digest, "what events do is data"
+            name, sizes, inputs = program.name, {program.name: size}, {program.name: program.inputs}
+            functions = functions_of(kernels, f"{kind}_{digest[:16]}", inputs, sizes, counts, lambda: {name: program})
+            assert isinstance(functions, CompiledFunctions), "events need compiled kernels"
+            return functions.address(name), functions
+
+        return kernels.remember("functions of many runs", kind, made)[0]
 
     def _start(self, i: int) -> State:
         motions = self.motions
