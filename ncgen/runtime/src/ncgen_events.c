@@ -152,11 +152,13 @@ static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
 /* The same of what may be held in the mechanism with switches. */
 static int choose_held(ncgen_instant *i, const int *happened, const int *resting)
 {
-    const int status = ncgen_choose_held(i, happened, resting, ncgen_was_hit(i));
+    int status = ncgen_choose_held(i, happened, resting, ncgen_was_hit(i));
     for (int k = ncgen_n_events(i); k < i->count; ++k) {
         const int way = ncgen_way(i->events, i->p, k);
-        i->passage->signs[k] = way == NCGEN_UNWATCHED || ncgen_slides_in_space(i->events, k) ? 0 : -way;
+        i->passage->signs[k] = way == NCGEN_UNWATCHED ? 0 : -way;
     }
+    if (status == NCGEN_OK)
+        status = ncgen_forget_sides(i);
     return status == NCGEN_OK ? accelerate(i) : status;
 }
 
@@ -385,6 +387,8 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
             ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         if (status == NCGEN_OK)
             status = ncgen_apply_events(d, events, p, moment, passage);
+        if (status == NCGEN_OK && ncgen_holds_others(events, p, passage))
+            moment->h = 0; /* as it moves now another step may be right */
         repeated = moment->t > from ? 0 : repeated + 1;
         if (status == NCGEN_OK && repeated > NCGEN_MOST_REPEATED)
             status = NCGEN_ENDLESS;
