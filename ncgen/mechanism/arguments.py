@@ -66,7 +66,7 @@ def sized(values: ArrayLike | None, count: int, label: str, complex_too: bool = 
     return array
 
 
-def place(array: object, shape: tuple[int, ...], label: str, other_arrays: Iterable[np.ndarray] = ()) -> np.ndarray:
+def writable(array: object, shape: tuple[int, ...], label: str, other_arrays: Iterable[np.ndarray] = ()) -> np.ndarray:
     """The array itself, where C may write. Raises NcgenError for another one, or one that shares memory with `other_arrays`."""
     if not (isinstance(array, np.ndarray) and array.dtype == float and array.flags.carray and array.shape == shape):
         raise NcgenError(f"{label} must be a contiguous array of {shape} doubles that may be written to")

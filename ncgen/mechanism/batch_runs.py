@@ -179,7 +179,7 @@ class LaneDynamics:
         q, zd, p = self._checked(*state)
         threads = thread_count(threads, self.kernels.name) if self.has_threads else 1
         work = aligned(threads * self._library.ncgen_batch_run_workspace(self._model, self._dynamics))
-        in_c = partial(pointer, self._ffi)  # out was made here, or has gone through `arguments.place`
+        in_c = partial(pointer, self._ffi)  # out was made here, or has gone through `arguments.writable`
         return function(
             self._model, self._dynamics, self._ffi.new("ncgen_options *", options), len(q), in_c(q), in_c(zd), in_c(p),
             p.shape[-1] * (p.ndim - 1), *instants, *(in_c(array, kind) for array, kind in out), threads, in_c(work),

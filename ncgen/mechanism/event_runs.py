@@ -228,7 +228,7 @@ class EventRuns:
             "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
             "directions": self._ints(np.zeros(table.most_watched)), "wanted": self._at(self._wanted),
             "room": self._reals(np.zeros(2 * self._n + 2 * table.most_watched)), "log": self._log,
-            "ways": self._reals(np.zeros(max(2 * table.n_holds, 1))),
+            "ways": self._reals(np.zeros(max(4 * table.n_holds, 1))),
             "flags": self._ints(np.zeros(self._library.ncgen_held_integers(table.n_holds))),
         }  # fmt: skip
 

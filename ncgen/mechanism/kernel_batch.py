@@ -24,7 +24,7 @@ from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime_files import HEADERS, runtime_files
 from ncgen.errors import NcgenError
-from ncgen.mechanism.arguments import numbers, place, pointer
+from ncgen.mechanism.arguments import numbers, pointer, writable
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.toolchain.abi import InC, Interface, abi, declared
@@ -127,7 +127,7 @@ class Batch(ABC):
             out = np.empty((count, program.size))
         else:
             other_arrays = [array for array in (t, q, qd, p) if array is not None]
-            out = place(out, (count, program.size), f"{kernels.name}.batch.{kernel}: out", other_arrays)
+            out = writable(out, (count, program.size), f"{kernels.name}.batch.{kernel}: out", other_arrays)
         self._evaluate(kernel, t, q, qd, p, out)
         return out
 

@@ -19,6 +19,9 @@ from ncgen.model.values import Expression, Number, Scalar, Value, as_sympy, is_n
 LAWS = ("newton", "poisson")
 """Of impact: the velocity of the gap is reversed times the restitution, or the impulse of the compression is returned times it."""
 
+REST = 1e-11
+"""A contact in space comes to rest at this share of the largest velocity of its slide, in as much of the time that the slide takes."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Contact:
@@ -26,7 +29,8 @@ class Contact:
 
     place: of what touches, three expressions (m); none of a contact that is given by expressions
     sliding: m/s, one expression in the plane, two in space; friction: coefficient; tangential: restitution of the sliding velocity
-    slip: names of the parameters that say in which direction it slides: 1 or −1 in the plane, in space the velocity when they were set
+    slip: names of the parameters that say in which direction it slides: 1 or −1 in the plane; in space a vector of that direction, as long
+    as the largest velocity (m/s) of the present slide is known to be
     """
 
     name: str
@@ -38,15 +42,24 @@ class Contact:
     slip: tuple[str, ...]
 
     @property
-    def forward(self) -> Scalar:
-        """The sliding velocity in the direction in which it slides."""
+    def along(self) -> Scalar:
+        """The sliding velocity in the direction in which it slides, times the length of `slip`."""
         return sum(as_sympy(w) * symbol_of(name) for w, name in zip(self.sliding, self.slip, strict=True))
 
     @property
+    def forward(self) -> Scalar:
+        """Positive as long as it slides on. In space friction has no direction at rest, and an integrator comes near that only."""
+        if len(self.slip) == 1:
+            return self.along
+        return self.along - REST * sum(symbol_of(name) ** 2 for name in self.slip)
+
+    @property
     def kept(self) -> Scalar:
-        """In space: positive as long as the sliding velocity has turned by less than 45° from the direction in which it slid."""
+        """In space: positive as long as the sliding velocity has turned by less than 45° from the direction in which it slid, and where
+        it is so small that it may be rounding."""
         w, d = [as_sympy(x) for x in self.sliding], [symbol_of(name) for name in self.slip]
-        return 2 * self.forward**2 - sum(x * x for x in w) * sum(x * x for x in d)
+        length = sum(x * x for x in d)
+        return 2 * self.along**2 + length * (REST**2 * length - sum(x * x for x in w))
 
 
 class Contacts(Frictions):

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+import sympy
+from scipy.optimize import brentq
 from sliding import sliding_block
 
 import ncgen
@@ -140,3 +142,26 @@ def test_a_brake_without_force():
     m.friction(s, coulomb=pull)
     run = ncgen.simulate(ncgen.compile(m), 1.0, qd0={"s": 1.0}, inputs={"pull": lambda t: -5.0})
     assert run["s"][-1] == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("excess", [1e-3, 3e-4])
+@pytest.mark.filterwarnings("error")
+def test_a_slight_slip_between_rests_raises_no_alarm(excess):
+    """(1 + ε) sin πt against friction of 1: v = (1 + ε) (cos πa − cos πt)/π − (t − a) from sin πa = 1/(1 + ε) until it vanishes at b; the
+    energy that moves is less than what tolerances leave of the work."""
+    m, s = sliding_block("slight")
+    m.torque(s, (1 + excess) * sympy.sin(math.pi * m.time))
+    m.friction(s, 1.0)
+    kernels, a = ncgen.compile(m), math.asin(1 / (1 + excess)) / math.pi
+
+    def velocity(t: float) -> float:
+        return (1 + excess) * (math.cos(math.pi * a) - math.cos(math.pi * t)) / math.pi - (t - a)
+
+    b = brentq(velocity, 1 - a, 1.0, xtol=1e-15)
+    way = (1 + excess) / math.pi * (math.cos(math.pi * a) * (b - a) - (math.sin(math.pi * b) - math.sin(math.pi * a)) / math.pi)
+    way -= (b - a) ** 2 / 2
+    for rtol in (1e-4, 1e-6, 1e-9, 1e-11):
+        run = ncgen.simulate(kernels, 1.2, rtol=rtol, points=3)
+        assert [each.transition for each in run.events if each.t > 0] == ["slips", "sticks"]
+        assert run["s"][-1] == pytest.approx(way, abs=1e-9 * max(rtol / 1e-9, 1e-2))
+    assert run.events[-1].t == pytest.approx(b, rel=1e-9)

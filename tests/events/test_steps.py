@@ -253,3 +253,21 @@ def test_an_event_at_the_end_of_a_step_where_a_law_changes(h):
     (closes,) = sim.events
     assert closes.energy_lost == pytest.approx(6 / 5 * 10.15**2 / 2, rel=1e-9)
     assert sim["rate(wheel.angle)"] == pytest.approx((2 * 10.15 + 0.6) / 5, rel=1e-9)
+
+
+def test_an_input_that_stops_the_motion_ends_its_step_at_once():
+    """The step does not raise, later ones do, and no other input starts the motion again; a new state does."""
+    m, s = sliding_block("switched")
+    switch = m.input("switch")
+    m.event("off", when=switch - 0.5, direction="rising", do="stop")
+    m.friction(s, coulomb=1.0)
+    sim = ncgen.start(ncgen.compile(m), qd0={"s": 1.0})
+    sim.step(0.25)
+    sim.step(0.25, switch=1.0)
+    assert sim.stopped and sim.t == 0.25 and sim.events[-1].name == "off" and sim["s"] == pytest.approx(0.25 - 0.25**2 / 2, rel=1e-9)
+    for switch in (1.0, 0.0):
+        with pytest.raises(ncgen.ModelError, match="switched: an event has ended the motion at t = 0.25 s"):
+            sim.step(0.25, switch=switch)
+    sim.qd[:] = 1.0
+    sim.step(0.25, switch=0.0)
+    assert not sim.stopped and sim.t == 0.5

@@ -41,7 +41,7 @@ def same(name: str, last: np.ndarray, work: float) -> None:
     assert work == pytest.approx(run.work[-1], abs=1e-7)
 
 
-@pytest.mark.parametrize("name", some(MODELS, "spins and drops", "rocking", "woodpecker", "in space", "two tips"))
+@pytest.mark.parametrize("name", some(MODELS, "spins and drops", "rocking", "woodpecker", "stirred", "two tips"))
 def test_c_is_our_own_run(tmp_path, name):
     """Times at which it hits, sticks, slips and turns, and the state at the end."""
     _, times, end = expected(name)

@@ -76,6 +76,15 @@ def across() -> ncgen.Model:
     return described(m, 1.1 * 1.5 * 2.0 / (G * math.sin(0.3) * (1.5**2 - 1)), {"P.x": 0.0, "P.y": 2.0, "P.z": 0.0})
 
 
+def stirred() -> ncgen.Model:
+    """A block in space that a turning force begins to move, in the direction of the force, and moves around."""
+    m, P, body = _point_on_ground("stirred", flat=False)
+    m.gravity((0, 0, -G))
+    m.force(P, (1.5 * m.time * sympy.cos(m.time), 1.5 * m.time * sympy.sin(m.time), 0))
+    m.contact("floor", body, P, friction=0.2, **_ground(m, flat=False))
+    return described(m, 4.0)
+
+
 def in_space() -> ncgen.Model:
     """A sphere that slides along a direction between the axes, and rolls."""
     return described(disc(RADIUS, flat=False), 2.0, {"C.x": 5 * math.cos(0.7), "C.y": 5 * math.sin(0.7), "C.z": 0.0})
@@ -190,6 +199,7 @@ MODELS = SCENES | {
     "in space": in_space,
     "bounces in space": bouncing_in_space,
     "across a slope": across,
+    "stirred": stirred,
     "plank": plank,
     "tube": lambda: of_example(tube(), 1.0),
     "two tips": lambda: described(plate(order="simultaneous"), 1.0, {"A.x": 1.0, "B.x": 1.0, "A.y": 0.0, "B.y": 0.0}),

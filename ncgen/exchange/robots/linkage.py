@@ -313,7 +313,7 @@ class _Linkage:
         The first one is that of factor 1, if there is one: a file's mimic follows with that.
         """
         if row.type is ROW_TYPES["follow"]:
-            elements = {e.components[0]: e for e in self.model.elements.values() if isinstance(e, Relative)}
+            elements: dict[object, Relative] = {e.components[0]: e for e in self.model.elements.values() if isinstance(e, Relative)}
             ratio, offset = (evaluate(row.data[name], self.model.parameters, row.label) for name in ("k", "c"))
             return ((elements[row.arguments["s"]], 1.0), (elements[row.arguments["z"]], -ratio)), -offset
         if row.expression is None or row.level != "position" or row.owner.kind not in ("user", "joint"):

@@ -31,11 +31,9 @@ from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import STATE, AccelerationNodes
 from ncgen.symbolic.numbering import Terms
 
-MIN_SLIDING_VELOCITY = 1e-150
-"""A sliding velocity (m/s) far below this has the direction in which it begins to slide."""
-
-MIN_SLIDING_VELOCITY_OF_FLOATS = 1e-18
-"""The same where numbers may be of single precision, in exports: its square is above their least one."""
+BEGINNING = 1e-11
+"""A sliding velocity in space far below this share of the length of `slip` counts as having that direction: friction turns the velocity the
+faster the smaller it is, and integrators could not follow from rest on."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -139,8 +137,7 @@ def _direction(lines: Lines, sliding: Sliding) -> dict[int, int]:
     unit = [graph.load("p", names.index(name)) for name in sliding.slip]
     if len(unit) > 1:
         side = graph.call("sign", graph.sum([graph.mul(w, d) for w, d in zip(velocities, unit, strict=True)]))
-        least = MIN_SLIDING_VELOCITY_OF_FLOATS if sliding.may_rest else MIN_SLIDING_VELOCITY
-        begun = [graph.mul(graph.const(least), d) for d in unit]
+        begun = [graph.mul(graph.const(BEGINNING), d) for d in unit]
         whole = [graph.add(graph.mul(side, w), d) for w, d in zip(velocities, begun, strict=True)]
         squares = [graph.mul(w, w) for w in whole]
         if sliding.may_rest:  # 0 / 1, not 0 / 0

@@ -118,7 +118,7 @@ def _closing(tree: OpenTree) -> tuple[list[list[int]], list[list[tuple[int, int]
 
 def _way(tree: OpenTree, row: int) -> list[int]:
     """The links that a closing row's coordinates move with, and those before them, the last first."""
-    screws = {k: link for link, own in enumerate(tree.own) for k in own}
+    screws = {k: link for link, rates in enumerate(tree.own) for k in rates}
     touched = {tree.home[tree.where[c][0]] if c in tree.where else screws[tree.measured[c][0]] for c in tree.rows[row]}
     return sorted({link for each in touched for link in tree.tree.chain(each)}, reverse=True)
 

@@ -1,8 +1,7 @@
 """An open tree of bodies as tables, from which the runtime moves it in loops (`ncgen_tree` in ncgen_runtime.h).
 
-Nothing is emitted for a mechanism, so that a tree of a thousand joints costs no compiler anything, and its motion costs the same for
-every joint. What the tables say is checked on numbers: that every row allows what the joints do, that nothing else moves, how fast measured
-coordinates grow.
+Nothing is emitted for a mechanism, so a tree of a thousand joints compiles nothing, and its motion costs the same for every joint. Tables
+are checked on numbers: every row allows what the joints do, nothing else moves, and measured coordinates grow with their joints.
 """
 
 from __future__ import annotations
@@ -119,7 +118,7 @@ class OpenTree:
     def _leave_to_loops(self, rows: Sequence[int]) -> None:
         """Let rows close loops, not links."""
         self.closing = sorted({*self.closing, *rows})
-        self.closes = [[r for r in own if r not in self.closing] for own in self.closes]
+        self.closes = [[r for r in closing_rows if r not in self.closing] for closing_rows in self.closes]
 
     @property
     def freedoms(self) -> int:
@@ -206,11 +205,11 @@ class OpenTree:
         is_point = isinstance(self.elements[element], Point)
         for x in self._random():
             values, origins, twists = self._twists(self.around.q, x)
-            place = values[self.components[element]]
-            (turning, along), own = twists[link], self.velocities(self.around.q, x)[self.components[element]]
-            carried = _cross(turning, place - is_point * origins[link]) + is_point * along
-            size = np.max(np.abs(turning)) * np.max(np.abs(place)) + np.max(np.abs(along))
-            if np.max(np.abs(own - carried)) > RELATIVE_TOLERANCE * size:
+            position = values[self.components[element]]
+            (turning, along), velocity = twists[link], self.velocities(self.around.q, x)[self.components[element]]
+            carried = _cross(turning, position - is_point * origins[link]) + is_point * along
+            size = np.max(np.abs(turning)) * np.max(np.abs(position)) + np.max(np.abs(along))
+            if np.max(np.abs(velocity - carried)) > RELATIVE_TOLERANCE * size:
                 return False
         return True
 
@@ -391,11 +390,8 @@ class OpenTree:
         for link, unknowns in enumerate(self.unknowns):
             block, _ = self._block(link, sample.phi_q, np.zeros(self.n))
             largest = np.max(np.abs(block), axis=1, initial=0.0)
-            rank = (
-                int(np.linalg.matrix_rank(block / np.where(largest > 0, largest, 1.0)[:, None], tol=RELATIVE_TOLERANCE))
-                if block.size
-                else 0
-            )
+            scaled = block / np.where(largest > 0, largest, 1.0)[:, None]
+            rank = int(np.linalg.matrix_rank(scaled, tol=RELATIVE_TOLERANCE)) if block.size else 0
             yield rank, len(block), len(unknowns) - sum(k not in self.coupled.leaders for k in self.own[link])
 
 

@@ -156,7 +156,7 @@ static int events_in_state(void)
 static int of_events(const int *integers)
 {
     const int count = here.events.count, all = count + here.events.n_loads, samples = (here.watched.degree + 3) * 2 * all;
-    const int values = here.n_values + (here.n + 1) * here.events.n_sliding, others = 3 * here.n + 2 * all + 2 * here.events.n_holds;
+    const int values = here.n_values + (here.n + 1) * here.events.n_sliding, others = 3 * here.n + 2 * all + 4 * here.events.n_holds;
     return count > 0 ? samples + NCGEN_EVENTS_WORKSPACE(count, here.events.most, here.n, values) + others : 0;
 }
 
@@ -202,7 +202,7 @@ static void place_events(const int *integers, const ncgen_real *numbers)
     passage.room = here.watched.samples + (here.watched.degree + 3) * 2 * all;
     friction_forces = passage.room + 2 * here.n + 2 * all;
     passage.ways = friction_forces + here.n;
-    passage.workspace = passage.ways + 2 * here.events.n_holds;
+    passage.workspace = passage.ways + 4 * here.events.n_holds;
 }
 
 size_t ncgen_linked_size(const int *integers)
@@ -304,7 +304,7 @@ int ncgen_linked_project_state(int is_driven)
 {
     const ncgen_linked_variant *v = is_driven ? &here.with_drives : &here.own;
     ncgen_moment moment = present();
-    choose_method(0, 1, 1);
+    choose_method(0, R(1.0e-8), R(1.0e-8));
     for (int k = 0; k < here.events.n_holds && !is_driven; ++k)
         parameters[here.events.holds[k].on] = 0; /* the motion begins anew */
     int status = ncgen_project_moment(&v->driven, parameters, &moment);

@@ -79,7 +79,8 @@ typedef struct ncgen_rubbing {
     int turn;       /* and of the one that is positive as long as this direction has turned by less than 45 degrees; -1 in the plane */
     int directions; /* in which it slides: 1 in the plane, 2 in space */
     int first;      /* the number of its first velocity among those of `sliding` */
-    int slip[2];    /* p[slip[k]]: the direction in which it slides, 0 where it sticks or is open */
+    int slip[2];    /* p[slip[k]]: the direction in which it slides, 0 where it sticks or is open; in space it is as long as the
+                     * largest velocity of the present slide is known to be */
     int value;      /* the number of its friction among those of `values`; the next one is its tangential restitution */
     int poisson;    /* 1: law of Poisson */
     int gap, stick; /* numbers of holds: of its gap, and of the contact that sticks; -1 where a motion ends at rest */
@@ -141,7 +142,7 @@ typedef struct ncgen_passage {
     ncgen_real *room; /* with modes or holds: 2 n_coordinates and twice as many numbers as signs */
     int *flags;       /* with holds: NCGEN_HELD_INTEGERS(n_holds) numbers: what was held, what is wanted, to which side what was released begins
                        * to move, what impacts leave sticking, and room */
-    ncgen_real *ways; /* with rubbings: 2 n_holds numbers, the directions in which contacts that are released begin to slide */
+    ncgen_real *ways; /* with rubbings: 4 n_holds numbers: forces of contacts that stick, along which they would begin to slide, and slip before */
     ncgen_log *log;   /* NULL: nobody wants to know what happens */
 } ncgen_passage;
 

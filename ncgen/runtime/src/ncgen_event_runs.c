@@ -172,10 +172,7 @@ static int run(ncgen_event_runs *runs, const ncgen_entered *in, ncgen_statistics
 static int has_changed(const ncgen_event_runs *runs, int mode)
 {
     const ncgen_events *events = runs->events;
-    int changed = *runs->passage.mode != mode;
-    for (int h = 0; h < events->n_holds; ++h)
-        changed |= runs->passage.flags[h] != (runs->own_p[events->holds[h].on] > 0);
-    return changed;
+    return *runs->passage.mode != mode || ncgen_holds_others(events, runs->own_p, &runs->passage);
 }
 
 /* The events at the end of a part. Where that was so near to the end that its last row was written, too, the motion ends there. */

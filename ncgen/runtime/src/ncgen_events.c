@@ -5,69 +5,7 @@
 #include "ncgen_chain.h"
 #include "ncgen_holding.h"
 #include "ncgen_modes.h"
-
-static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
-{
-    ncgen_space space = {passage->workspace, 0};
-    const int n = d->model->n_coordinates, count = events->count;
-    i->d = d;
-    i->events = events;
-    i->p = p;
-    i->moment = moment;
-    i->passage = passage;
-    i->n = n;
-    i->count = count;
-    i->values = ncgen_take(&space, 2 * count);
-    i->before = ncgen_take(&space, 2 * count);
-    i->scales = ncgen_take(&space, count);
-    i->derivatives = ncgen_take(&space, count * (2 * n + 1));
-    i->responses = ncgen_take(&space, events->most * (n + 1));
-    i->G = ncgen_take(&space, count * count);
-    i->velocities = ncgen_take(&space, count);
-    i->impulses = ncgen_take(&space, count);
-    i->lost = ncgen_take(&space, count);
-    i->terms = ncgen_take(&space, count);
-    i->coefficients = ncgen_take(&space, 3 * count);
-    i->space = ncgen_take(&space, NCGEN_IMPACT_WORKSPACE(count));
-    i->taking = passage->due + count;
-    i->places = passage->due + 4 * count;
-    i->sticks = passage->due + 7 * count;
-    i->rows = passage->due + 8 * count;
-    i->kept = ncgen_take(&space, n);
-    i->prior = ncgen_take(&space, n);
-    i->arrived = ncgen_take(&space, n);
-    ncgen_copy(n, moment->qd, i->arrived);
-    i->sliding = ncgen_take(&space, events->n_sliding * (n + 1));
-    i->numbers = ncgen_take(&space, 0); /* the rest */
-}
-
-/* How many conditions are those of events. */
-static int n_events(const ncgen_instant *i)
-{
-    return i->count - i->events->n_velocities;
-}
-
-/* Scales: the sizes of terms, and what moving by natural sizes changes. */
-int ncgen_look(ncgen_instant *i)
-{
-    const ncgen_moment *m = i->moment;
-    int status = i->events->conditions(m->t, m->q, m->qd, i->p, i->values);
-    if (status == NCGEN_OK)
-        status = i->events->derivatives(m->t, m->q, m->qd, i->p, i->derivatives);
-    if (status == NCGEN_OK && i->events->n_sliding)
-        status = i->events->sliding(m->t, m->q, m->qd, i->p, i->sliding);
-    for (int k = 0; k < i->count; ++k) {
-        i->scales[k] = i->values[2 * k + 1];
-        for (int j = 0; j < i->n; ++j)
-            i->scales[k] += NCGEN_ABS(i->derivatives[(size_t)k * (size_t)(2 * i->n + 1) + (size_t)j]) * i->d->dynamics->column_sizes[j];
-    }
-    for (int k = n_events(i); k < i->count; ++k) {
-        ncgen_real *derivatives = i->derivatives + (size_t)k * (size_t)(2 * i->n + 1);
-        ncgen_copy(i->n, derivatives + i->n, derivatives);
-        derivatives[2 * i->n] = 0;
-    }
-    return status;
-}
+#include "ncgen_rubbing.h"
 
 static int sign_of(ncgen_real x)
 {
@@ -214,11 +152,13 @@ static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
 /* The same of what may be held in the mechanism with switches. */
 static int choose_held(ncgen_instant *i, const int *happened, const int *resting)
 {
-    const int status = ncgen_choose_held(i, happened, resting, ncgen_was_hit(i));
-    for (int k = n_events(i); k < i->count; ++k) {
+    int status = ncgen_choose_held(i, happened, resting, ncgen_was_hit(i));
+    for (int k = ncgen_n_events(i); k < i->count; ++k) {
         const int way = ncgen_way(i->events, i->p, k);
         i->passage->signs[k] = way == NCGEN_UNWATCHED ? 0 : -way;
     }
+    if (status == NCGEN_OK)
+        status = ncgen_forget_sides(i);
     return status == NCGEN_OK ? accelerate(i) : status;
 }
 
@@ -241,7 +181,7 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         resting[k] = 0;
         i->velocities[k] = -1; /* room for the time in which bounces end */
-        if (k >= n_events(i))
+        if (k >= ncgen_n_events(i))
             continue;
         if (!chain->happened[k] || !impact || !ncgen_is_at_rest(i->values[2 * k], i->scales[k], rates[k], accelerations[k], i->events->noise))
             continue;
@@ -269,7 +209,7 @@ static int act_all(void *context)
     int hit = 0, status = find_numbers(i);
     if (status == NCGEN_OK)
         status = ncgen_hit(i, &hit);
-    for (int k = 0; k < n_events(i) && status == NCGEN_OK; ++k)
+    for (int k = 0; k < ncgen_n_events(i) && status == NCGEN_OK; ++k)
         if (due[k] && (hit || !ncgen_impact_of(i->events, k)))
             status = act(i, k);
     return status;
@@ -286,7 +226,7 @@ static int look_again(void *context)
 static ncgen_chain chain_of(ncgen_instant *i)
 {
     int *due = i->passage->due;
-    const ncgen_chain chain = {n_events(i), i->events->directions, due,       due + 3 * i->count, due + 2 * i->count, i->values,
+    const ncgen_chain chain = {ncgen_n_events(i), i->events->directions, due,       due + 3 * i->count, due + 2 * i->count, i->values,
                                i->before, i->scales,            i,         look_again,         act_all};
     return chain;
 }
@@ -296,7 +236,7 @@ static int happen(ncgen_instant *i)
     const ncgen_real before = energy(i);
     ncgen_chain chain = chain_of(i);
     ncgen_begin_notes(i->passage->log, i->count, chain.due);
-    for (int k = n_events(i); k < i->count; ++k)
+    for (int k = ncgen_n_events(i); k < i->count; ++k)
         chain.happened[k] = chain.due[k];
     int status = ncgen_begin_instant(i);
     if (status == NCGEN_OK)
@@ -314,7 +254,7 @@ static int happen(ncgen_instant *i)
 int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
     ncgen_instant i;
-    begin(&i, d, events, p, moment, passage);
+    ncgen_open_instant(&i, d, events, p, moment, passage);
     const int status = ncgen_look(&i);
     return status == NCGEN_OK ? happen(&i) : status;
 }
@@ -337,7 +277,7 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
 {
     ncgen_instant i;
     int some = 0;
-    begin(&i, d, events, p, moment, passage);
+    ncgen_open_instant(&i, d, events, p, moment, passage);
     int status = ncgen_look(&i);
     *passage->stopped = 0;
     if (events->n_modes)
@@ -353,7 +293,7 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
     ncgen_chain chain = chain_of(&i);
     for (int k = 0; k < i.count; ++k)
         passage->due[k] = 0;
-    for (int k = 0; k < n_events(&i); ++k) {
+    for (int k = 0; k < ncgen_n_events(&i); ++k) {
         i.taking[k] = ncgen_impact_of(events, k) != NULL;
         chain.done[k] = i.taking[k] && is_still(&i, k);
     }
@@ -371,9 +311,9 @@ int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const n
     ncgen_instant i;
     ncgen_entered in;
     int some = 0, status;
-    begin(&i, d, events, (ncgen_real *)p, &here, passage);
+    ncgen_open_instant(&i, d, events, (ncgen_real *)p, &here, passage);
     status = ncgen_look(&i);
-    const int watches = nearly && events->n_holds, last = nearly ? i.count : n_events(&i);
+    const int watches = nearly && events->n_holds, last = nearly ? i.count : ncgen_n_events(&i);
     if (watches)
         ncgen_enter_held(d, events, p, passage, &in);
     if (watches && status == NCGEN_OK)
@@ -417,7 +357,7 @@ int ncgen_enter_present(const ncgen_driven *d, const ncgen_events *events, ncgen
     ncgen_enter_held(d, events, p, passage, in);
     if (in->driven.model == d->model)
         return NCGEN_OK;
-    begin(&i, d, events, p, moment, passage);
+    ncgen_open_instant(&i, d, events, p, moment, passage);
     const int status = ncgen_look(&i);
     return status == NCGEN_OK ? ncgen_skip_blocked(&i, in) : status;
 }
@@ -447,6 +387,8 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
             ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         if (status == NCGEN_OK)
             status = ncgen_apply_events(d, events, p, moment, passage);
+        if (status == NCGEN_OK && ncgen_holds_others(events, p, passage))
+            moment->h = 0; /* as it moves now another step may be right */
         repeated = moment->t > from ? 0 : repeated + 1;
         if (status == NCGEN_OK && repeated > NCGEN_MOST_REPEATED)
             status = NCGEN_ENDLESS;

@@ -19,6 +19,14 @@ void ncgen_write_held(const ncgen_events *events, const int *held, int all, ncge
             p[events->holds[h].on] = held && held[h] ? 1 : 0;
 }
 
+int ncgen_holds_others(const ncgen_events *events, const ncgen_real *p, const ncgen_passage *passage)
+{
+    int changed = 0;
+    for (int h = 0; h < events->n_holds; ++h)
+        changed |= passage->flags[h] != (p[events->holds[h].on] > 0);
+    return changed;
+}
+
 static int *released_of(const ncgen_events *events, const ncgen_passage *passage)
 {
     return passage->flags + 2 * events->n_holds;
@@ -47,6 +55,7 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
     in->driven = *d;
     in->options = *d->options;
     in->watched = *d->options->event;
+    in->watched.resumes = 1; /* behind the events of the last instant, or where nothing was due */
     in->driven.options = &in->options;
     in->options.event = &in->watched;
     for (int h = 0; h < events->n_holds; ++h)

@@ -36,6 +36,9 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
 void ncgen_read_held(const ncgen_events *events, const ncgen_real *p, int *held);
 void ncgen_write_held(const ncgen_events *events, const int *held, int all, ncgen_real *p);
 
+/* Has the instant that was last changed what is held? */
+int ncgen_holds_others(const ncgen_events *events, const ncgen_real *p, const ncgen_passage *passage);
+
 /* The direction in which a condition happens: 1, -1, 0 for either, NCGEN_UNWATCHED for none. */
 int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition);
 

@@ -180,9 +180,9 @@ typedef struct choice {
 } choice;
 
 /* p says what is wanted, where that is held, and how joints slip. */
-static void write_wanted(const choice *c)
+static int write_wanted(const choice *c)
 {
-    const ncgen_instant *i = c->i;
+    ncgen_instant *i = c->i;
     for (int h = 0; h < i->events->n_holds; ++h) {
         const ncgen_hold *hold = i->events->holds + h;
         if (c->active.wanted[h] && !c->active.before[h] && hold->held >= 0)
@@ -191,7 +191,7 @@ static void write_wanted(const choice *c)
             i->p[hold->slip] = ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], sign_of(i, hold->condition));
     }
     ncgen_write_held(i->events, c->active.wanted, 0, i->p);
-    ncgen_write_ways(i, &c->active);
+    return ncgen_write_ways(i, &c->active);
 }
 
 /* Loads of what is wanted, from the state that the choice began with. */
@@ -202,15 +202,15 @@ static int find_loads(void *context, int projected)
     const ncgen_events *e = i->events;
     const ncgen_real *q = i->passage->room;
     ncgen_real *pairs = i->passage->room + 2 * i->n, *next = c->active.loads;
-    int some = 0, status = NCGEN_OK;
+    int some = 0;
     ncgen_copy(i->n, q, i->moment->q);
     ncgen_copy(i->n, q + i->n, i->moment->qd);
-    write_wanted(c);
+    int status = write_wanted(c);
     for (int h = 0; h < e->n_holds; ++h)
         some |= c->active.wanted[h];
     if (!some && !e->follows_loads)
-        return NCGEN_OK;
-    if (some && projected)
+        return status;
+    if (status == NCGEN_OK && some && projected)
         status = project(i, 1);
     if (status == NCGEN_OK && projected)
         status = ncgen_check_parts(i, pairs);
@@ -241,10 +241,10 @@ static void describe(const ncgen_instant *i, const int *happened, const int *res
         const ncgen_rubbing *rubbing = ncgen_rubbing_of(e, h);
         kinds[h] = hold->kind;
         needs[h] = rubbing ? rubbing->gap : -1;
-        has_happened[h] = !is_lock && happened[k] && (!rubbing || ncgen_comes_to_rest(i, rubbing));
+        has_happened[h] = !is_lock && happened[k] && !(rubbing && rubbing->directions > 1);
         rests[h] = !is_lock && ((is_gap && resting[k]) || (before[h] && !was_hit) || ncgen_stuck(e, i->passage)[h]);
         closed[h] = is_gap && ncgen_is_closed(i, k);
-        still[h] = !is_lock && is_still(i, hold);
+        still[h] = !is_lock && (is_still(i, hold) || (rubbing && rubbing->turn >= 0 && happened[rubbing->turn] && ncgen_is_unseen(i, rubbing)));
     }
 }
 
@@ -279,6 +279,7 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
         status = find_places(i);
     if (status != NCGEN_OK)
         return status;
+    ncgen_keep_slip(i);
     describe(i, happened, resting, was_hit, marks);
     ncgen_copy(i->n, i->moment->q, i->passage->room);
     ncgen_copy(i->n, i->moment->qd, i->passage->room + i->n);

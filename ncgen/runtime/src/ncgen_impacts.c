@@ -165,15 +165,15 @@ static int take_gaps(ncgen_instant *i, ncgen_impact *impact, int *wanted)
     return NCGEN_OK;
 }
 
-/* Ratchets that run backward, but for those that only just turn, and those that locks hold. at_rest: NULL, or others that do not */
-static int take_ratchets(ncgen_instant *i, ncgen_impact *impact, const int *turning, const int *at_rest)
+/* Ratchets that run backward, but for those that only just turn, and those that locks hold. resting: NULL, or others that do not */
+static int take_ratchets(ncgen_instant *i, ncgen_impact *impact, const int *turning, const int *resting)
 {
     const ncgen_events *e = i->events;
     int status = NCGEN_OK;
     for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
         const int k = e->holds[h].condition;
         int moves = 1;
-        if (e->holds[h].kind != NCGEN_HOLDS_RATCHET || turning[k] || i->values[2 * k] > 0 || (at_rest && at_rest[h]))
+        if (e->holds[h].kind != NCGEN_HOLDS_RATCHET || turning[k] || i->values[2 * k] > 0 || (resting && resting[h]))
             continue;
         status = ncgen_can_move(i, k, &moves);
         if (status == NCGEN_OK && moves)

@@ -113,22 +113,17 @@ static int evaluate_nodes(ncgen_run *r, ncgen_stepping *w, const part *p)
     const ncgen_event *event = r->options->event;
     const int last = event->degree, at_end = !(p->to < 1);
     int status = NCGEN_OK;
-    if (!(p->from > 0))
-        keep_inputs(r, 0, r->y + r->n, r->y);
-    else
+    if (p->from > 0) {
         status = w->interpolate(r, w, p->t, p->h, p->from);
-    if (p->from > 0)
         keep_inputs(r, 0, w->at + r->n, w->at);
+    } else
+        keep_inputs(r, 0, r->y + r->n, r->y);
     if (at_end && status == NCGEN_OK) {
         keep_inputs(r, last, r->q, r->qd);
         status = evaluate(r, p->t + p->h, r->q, r->qd, sample(event, last));
     }
     for (int k = 1; k < last + !at_end && status == NCGEN_OK; ++k) {
-        if (!r->constrained) {
-            status = evaluate_inside(r, w, p, event->nodes[k], sample(event, k));
-            continue;
-        }
-        status = evaluate_at(r, w, p, event->nodes[k], sample(event, k));
+        status = (r->constrained ? evaluate_at : evaluate_inside)(r, w, p, event->nodes[k], sample(event, k));
         keep_inputs(r, k, w->at + r->n, w->at);
     }
     return status;

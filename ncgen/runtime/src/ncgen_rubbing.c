@@ -6,8 +6,13 @@
 
 enum { MOST_PARTS = 12 /* contacts of which all parts are looked at; of more only the single ones and pairs */ };
 
-/* A contact did not come to rest whose velocity is above this share of what it was. */
-static const ncgen_scalar turning = R(1.0e-9);
+/* As in ncgen/solver/events/active_constraints.py: in space a contact comes to rest at this share of the largest velocity of its slide; around
+ * rest steps miss velocities by so many times what they are to see; how much longer the direction is in which one begins to slide; a velocity
+ * has no digits below a share of its terms; of a fixed step, what it changes that is not seen. */
+static const ncgen_scalar rest = R(1.0e-11), unseen = R(20.0), from_rest = R(100.0), rounding_share = R(1.0e-3), of_step = R(0.1);
+
+/* The same where every step may take the whole tolerance, while friction turns the velocity the faster the smaller it is. */
+static const ncgen_scalar unseen_at_first = R(1000.0);
 
 const ncgen_rubbing *ncgen_rubbing_of(const ncgen_events *events, int hold)
 {
@@ -22,63 +27,148 @@ static ncgen_real norm(int count, const ncgen_real *x)
     return NCGEN_SQRT(ncgen_dot(count, x, x));
 }
 
-int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed)
+/* The largest change of a velocity at which a contact slides where coordinates change by so much (n). */
+static ncgen_real largest_change(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real (*change)(const ncgen_instant *, int))
 {
-    const ncgen_scalar *sizes = i->d->dynamics->column_sizes;
-    ncgen_real velocity = 0, terms = 0;
+    ncgen_real most = 0;
     for (int k = rubbing->first; k < rubbing->first + rubbing->directions; ++k) {
         ncgen_real sum = 0;
         for (int j = 0; j < i->n; ++j)
-            sum += NCGEN_ABS(ncgen_sliding_gradient(i, k)[j]) * sizes[j];
-        terms = sum > terms ? sum : terms;
-        velocity = NCGEN_ABS(i->sliding[k]) > velocity ? NCGEN_ABS(i->sliding[k]) : velocity;
+            sum += NCGEN_ABS(ncgen_sliding_gradient(i, k)[j]) * change(i, j);
+        most = sum > most ? sum : most;
     }
-    return ncgen_is_still(velocity, terms * speed, 0);
+    return most;
 }
 
-int ncgen_comes_to_rest(const ncgen_instant *i, const ncgen_rubbing *rubbing)
+static ncgen_real natural_size(const ncgen_instant *i, int j)
 {
-    ncgen_real before[2] = {0, 0};
-    for (int k = 0; k < rubbing->directions; ++k)
-        before[k] = i->p[rubbing->slip[k]];
-    return rubbing->directions == 1 || norm(2, i->sliding + rubbing->first) <= turning * norm(2, before);
+    return i->d->dynamics->column_sizes[j];
+}
+
+/* A velocity that steps do not tell from none: of an error within the tolerances, or a part of what a fixed step changes. */
+static ncgen_real unseen_velocity(const ncgen_instant *i, int j)
+{
+    const ncgen_options *o = i->d->options;
+    if (!(o->rtol > 0))
+        return of_step * o->max_step * NCGEN_ABS(i->moment->qdd[j]);
+    return o->atol * natural_size(i, j) + o->rtol * NCGEN_ABS(i->moment->qd[j]);
+}
+
+static const ncgen_real *slip_before(const ncgen_instant *i, const ncgen_rubbing *rubbing)
+{
+    return i->passage->ways + 2 * (i->events->n_holds + rubbing->stick);
+}
+
+/* The largest velocity of the present slide of a contact in space that is known; 0 in the plane. */
+static ncgen_real largest_so_far(const ncgen_instant *i, const ncgen_rubbing *rubbing)
+{
+    return rubbing->directions > 1 ? norm(2, slip_before(i, rubbing)) : 0;
+}
+
+int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed)
+{
+    ncgen_real velocity = 0;
+    for (int k = rubbing->first; k < rubbing->first + rubbing->directions; ++k)
+        velocity = NCGEN_ABS(i->sliding[k]) > velocity ? NCGEN_ABS(i->sliding[k]) : velocity;
+    return ncgen_is_still(velocity, largest_change(i, rubbing, natural_size) * speed + largest_so_far(i, rubbing), 0);
+}
+
+int ncgen_is_unseen(const ncgen_instant *i, const ncgen_rubbing *rubbing)
+{
+    return norm(rubbing->directions, i->sliding + rubbing->first) <= unseen * largest_change(i, rubbing, unseen_velocity);
+}
+
+void ncgen_keep_slip(const ncgen_instant *i)
+{
+    for (int k = 0; k < i->events->n_rubbings; ++k) {
+        const ncgen_rubbing *rubbing = i->events->rubbings + k;
+        ncgen_real *before = i->passage->ways + 2 * (i->events->n_holds + rubbing->stick);
+        for (int l = 0; rubbing->stick >= 0 && l < rubbing->directions; ++l)
+            before[l] = i->p[rubbing->slip[l]];
+    }
 }
 
 void ncgen_keep_ways(const ncgen_instant *i, const int *which, const ncgen_real *pairs)
 {
     const ncgen_events *e = i->events;
     for (int k = 0; k < e->n_rubbings; ++k) {
-        const int h = e->rubbings[k].stick, n = e->rubbings[k].directions;
-        ncgen_real *way = i->passage->ways + 2 * h;
-        if (h < 0 || !which[h])
-            continue;
-        for (int l = 0; l < n; ++l)
-            way[l] = pairs[2 * (e->count + e->holds[h].load + 1 + l)];
-        const ncgen_real size = norm(n, way);
-        for (int l = 0; l < n && size > 0; ++l)
-            way[l] /= size;
+        const int h = e->rubbings[k].stick;
+        for (int l = 0; h >= 0 && which[h] && l < e->rubbings[k].directions; ++l)
+            i->passage->ways[2 * h + l] = pairs[2 * (e->count + e->holds[h].load + 1 + l)];
     }
 }
 
-void ncgen_write_ways(const ncgen_instant *i, const ncgen_active *active)
+/* How long the direction is in which a contact in space begins to slide whose force has this size: much longer than the velocity that friction
+ * would give it over its natural size, so that it keeps the direction until it is faster than steps can follow. */
+static int find_beginning(ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real force, ncgen_real *length)
+{
+    ncgen_real fastest = 0;
+    for (int k = rubbing->first; k < rubbing->first + rubbing->directions; ++k) {
+        const int status = ncgen_respond(i->d, i->p, i->moment, ncgen_sliding_gradient(i, k), i->kept);
+        const ncgen_real own = ncgen_dot(i->n, ncgen_sliding_gradient(i, k), i->kept) * force;
+        if (status != NCGEN_OK)
+            return status;
+        fastest = own > fastest ? own : fastest;
+    }
+    const ncgen_real speed = from_rest * NCGEN_SQRT(fastest * largest_change(i, rubbing, natural_size));
+    const ncgen_real missed = (i->d->options->span > 0 ? unseen : unseen_at_first) * largest_change(i, rubbing, unseen_velocity) / rest;
+    *length = speed > missed ? speed : missed;
+    return NCGEN_OK;
+}
+
+/* The largest velocity of the slide of a contact in space that moves at this speed: so much at least that rounding does not hide that it comes
+ * to rest. */
+static ncgen_real largest_of(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed)
+{
+    const ncgen_real before = largest_so_far(i, rubbing), most = ncgen_largest(i->n, i->moment->qd, i->d->dynamics->column_sizes);
+    const ncgen_real least = rounding_share * largest_change(i, rubbing, natural_size) * most, known = before > speed ? before : speed;
+    return known > least ? known : least;
+}
+
+/* p says in which direction a contact slides: that of a velocity or force of this size, as long as it is to be. */
+static void write_slip(const ncgen_instant *i, const ncgen_rubbing *rubbing, const ncgen_real *along, ncgen_real length)
+{
+    const ncgen_real size = norm(rubbing->directions, along);
+    for (int l = 0; l < rubbing->directions; ++l)
+        i->p[rubbing->slip[l]] = rubbing->directions > 1 ? along[l] / size * length : (along[l] > 0) - (along[l] < 0);
+}
+
+int ncgen_write_ways(ncgen_instant *i, const ncgen_active *active)
 {
     const ncgen_events *e = i->events;
-    for (int k = 0; k < e->n_rubbings; ++k) {
+    int status = NCGEN_OK;
+    for (int k = 0; k < e->n_rubbings && status == NCGEN_OK; ++k) {
         const ncgen_rubbing *rubbing = e->rubbings + k;
         const int h = rubbing->stick, n = rubbing->directions;
         if (h < 0)
             continue;
-        const ncgen_real *w = i->sliding + rubbing->first, size = norm(n, w);
-        const int slides = active->wanted[rubbing->gap] && !active->wanted[h];
-        for (int l = 0; l < n; ++l) {
-            if (!slides)
-                i->p[rubbing->slip[l]] = 0;
-            else if (active->released[h])
-                i->p[rubbing->slip[l]] = i->passage->ways[2 * h + l];
-            else if (size > 0)
-                i->p[rubbing->slip[l]] = n > 1 ? w[l] : (w[l] > 0) - (w[l] < 0);
-        }
+        const ncgen_real *w = i->sliding + rubbing->first, *way = i->passage->ways + 2 * h, speed = norm(n, w), force = norm(n, way);
+        const int slides = active->wanted[rubbing->gap] && !active->wanted[h], begins = slides && active->released[h] && force > 0;
+        ncgen_real length = 1;
+        if (begins && n > 1)
+            status = find_beginning(i, rubbing, force, &length);
+        for (int l = 0; !slides && l < n; ++l)
+            i->p[rubbing->slip[l]] = 0;
+        if (begins)
+            write_slip(i, rubbing, way, length);
+        else if (slides && speed > 0)
+            write_slip(i, rubbing, w, largest_of(i, rubbing, speed));
     }
+    return status;
+}
+
+int ncgen_forget_sides(ncgen_instant *i)
+{
+    const ncgen_events *e = i->events;
+    int some = 0, status = NCGEN_OK;
+    for (int k = 0; k < e->n_rubbings; ++k)
+        some |= e->rubbings[k].turn >= 0;
+    if (some)
+        status = e->conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, i->values);
+    for (int k = 0; some && status == NCGEN_OK && k < e->n_rubbings; ++k)
+        if (e->rubbings[k].turn >= 0 && i->values[2 * e->rubbings[k].condition] < 0)
+            i->passage->signs[e->rubbings[k].condition] = 0;
+    return status;
 }
 
 /* Only those that are chosen are closed. */

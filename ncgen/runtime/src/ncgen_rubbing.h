@@ -13,14 +13,20 @@ const ncgen_rubbing *ncgen_rubbing_of(const ncgen_events *events, int hold);
 /* Does a contact not slide, but for rounding, at most this velocity in natural sizes being the greatest? */
 int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed);
 
-/* Did a contact come to rest whose velocity passed zero along its direction? In space it may have turned by 90 degrees. */
-int ncgen_comes_to_rest(const ncgen_instant *i, const ncgen_rubbing *rubbing);
+/* Is a contact in space, whose direction has turned, slower than steps may miss around rest? */
+int ncgen_is_unseen(const ncgen_instant *i, const ncgen_rubbing *rubbing);
 
-/* The directions in which contacts of `which` (n_holds) would begin to slide: those of their forces among the held_conditions. */
+/* Note in which directions contacts slide, before it is chosen what is held. */
+void ncgen_keep_slip(const ncgen_instant *i);
+
+/* The forces of contacts of `which` (n_holds), along which they would begin to slide, from the held_conditions. */
 void ncgen_keep_ways(const ncgen_instant *i, const int *which, const ncgen_real *pairs);
 
 /* Write to p in which direction each contact slides, as what is wanted and released says. */
-void ncgen_write_ways(const ncgen_instant *i, const ncgen_active *active);
+int ncgen_write_ways(ncgen_instant *i, const ncgen_active *active);
+
+/* A contact in space that has just begun to slide is not yet faster than where it would come to rest: no side is known of its condition. */
+int ncgen_forget_sides(ncgen_instant *i);
 
 /* NCGEN_UNDETERMINED unless the loads of any part of the contacts that slide are determined; pairs: room for the held_conditions. That of all
  * together is left to the caller. */

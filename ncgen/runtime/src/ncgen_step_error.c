@@ -26,7 +26,8 @@ static ncgen_real estimate(ncgen_run *r, ncgen_stepping *w, const tableau *metho
 
 /* The part of the tolerance that a step of a length may take, because all steps share it. Steps that are shorter than the mean
  * count as that: near a singular position rounding is all that is left of the error, and no step could be short enough for it. So do
- * first steps that are far shorter than the run, by a share that becomes less and less, so that all of it together is small. */
+ * first steps that are far shorter than the run, by a share that becomes less and less, so that all of it together is small. No part is
+ * smaller than what rounding leaves of the state. */
 ncgen_scalar ncgen_tolerance_fraction(const ncgen_run *r, ncgen_scalar h)
 {
     const ncgen_scalar count = (ncgen_scalar)r->statistics->steps + 1, mean = (r->start_t - r->times[0]) / count;
@@ -35,7 +36,9 @@ ncgen_scalar ncgen_tolerance_fraction(const ncgen_run *r, ncgen_scalar h)
         h = mean;
     if (h < least)
         h = least;
-    return r->options->span > h ? h / r->options->span : 1;
+    const ncgen_scalar fraction = r->options->span > h ? h / r->options->span : 1;
+    const ncgen_scalar left = r->options->rtol > r->rounding ? r->rounding / r->options->rtol : 0;
+    return fraction > left ? fraction : left;
 }
 
 /* The error of a step over the tolerance. */

@@ -99,6 +99,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     if done.status in FINAL and form != "dense" and method.integrator.tangents == "unless_recursive":
         return _by_the_matrix(path, kernels, task)
     if done.status in FINAL:
+        path.halted = done.reached, done.last[0], done.last[1], work + done.last[2]
         raise ConvergenceError(
             f"{kernels.name}: the motion cannot continue beyond t = {done.reached:.6g} s, where steps become too short; the mechanism "
             "comes to a singular position there, or rtol asks for less than rounding leaves"

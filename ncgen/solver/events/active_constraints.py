@@ -6,6 +6,7 @@ worst one first. Here states are brought onto the constraints of modes, whose lo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -16,6 +17,7 @@ from ncgen.mechanism.active_in_c import Active, Kind, is_still
 from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.contacts import REST
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.modes import LoadConditions, forces_of, load_conditions, sliding_of
@@ -24,8 +26,18 @@ from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
-TURNING = 1e-9
-"""A contact in space whose sliding velocity has turned by 90° did not come to rest if it is above this share of what it was before."""
+MISSED_SPEED_FACTOR = 20.0
+"""Around rest, where friction jumps, steps miss velocities by up to this many times what they are to see. To come to rest so much too early
+changes the motion by the square of that: friction has the same impulse in the end."""
+
+FROM_REST = 100.0
+"""How much longer."""
+
+HALT = 1e-6
+"""Where no step is short enough, a contact in space comes to rest that slides with less than this share of its largest velocity."""
+
+ROUNDING = 1e-3
+"""A sliding velocity has no more than 10 digits below this share of its terms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +50,17 @@ class ActiveSet:
 
 
 class ActiveConstraints:
-    """rows: {number of a condition: what holds it}. left: {number of what was released at this instant: the direction in which it slips}"""
+    """rows: {number of a condition: what holds it}. left: {number of what was released at this instant: the direction in which it slips}
+
+    unseen (n,): velocities that steps do not tell from none
+    """
 
     def __init__(self, functions: EventFunctions) -> None:
         self.functions, self.kernels = functions, functions.kernels
         self.rows = {row.number: row for row in functions.rows}
         self.left: dict[int, np.ndarray] = {}
         self.blocked: list[int] = []
+        self.unseen = np.zeros(self.kernels.n)
         self._prevented: set[int] = set()
         self._before = 0.0  # greatest velocity before the instant, with which what is left of others is compared
 
@@ -137,7 +153,7 @@ class ActiveConstraints:
             return is_still(self.functions.values(at)[0][k], np.abs(self.functions.rate_slopes(at)[k]) @ sizes * speed)
         if k in self.functions.contacts:
             velocity, slopes = self.functions.sliding(at)[k]
-            return is_still(np.max(np.abs(velocity)), np.max(np.abs(slopes) @ sizes) * speed)
+            return is_still(np.max(np.abs(velocity)), np.max(np.abs(slopes) @ sizes) * speed + self._largest_so_far(k, at))
         slopes, drift = self.functions.slopes(at)
         return is_still(slopes[k] @ at.qd + drift[k], np.abs(slopes[k]) @ sizes * speed, drift[k])
 
@@ -145,16 +161,36 @@ class ActiveConstraints:
         """The greatest velocity (1/s) in natural sizes."""
         return float(np.max(np.abs(qd) / self.kernels.column_sizes, initial=0.0))
 
-    def comes_to_rest(self, k: int, at: State) -> bool:
-        """Whether a contact whose sliding velocity passed zero along its direction came to rest; in space it may have turned by 90°."""
-        before = at.p[[self.place(name) for name in self.functions.contacts[k].slip]]
-        return len(before) == 1 or bool(np.linalg.norm(self.functions.sliding(at)[k][0]) <= TURNING * np.linalg.norm(before))
+    def resting(self, at: State) -> tuple[int, ...]:
+        """Where no step is short enough, numbers of the turns of contacts in space that come to rest there, whose motion is not seen."""
+        speeds = {number: float(np.linalg.norm(self.functions.sliding(at)[k][0])) for number, k in self.functions.turns.items()}
+        return tuple(n for n, k in self.functions.turns.items() if speeds[n] < HALT * self._largest_so_far(k, at))
+
+    def unseen_sliding(self, k: int, at: State) -> float:
+        """The greatest sliding velocity (m/s) of a contact that steps may miss around rest."""
+        return float(MISSED_SPEED_FACTOR * np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.unseen))
+
+    def _largest_so_far(self, k: int, at: State) -> float:
+        """The largest velocity (m/s) of the present slide of a contact in space that is known; 0 in the plane."""
+        slip = at.p[[self.place(name) for name in self.functions.contacts[k].slip]]
+        return float(np.linalg.norm(slip)) if len(slip) > 1 else 0.0
 
     def onwards(self, mode: Kernels, held: tuple[int, ...], k: int, at: State) -> np.ndarray:
-        """The direction in which a contact begins to slide that its friction cannot hold."""
-        force = forces_of(mode, tuple(self.rows[each] for each in held), held.index(k), at)
+        """The direction in which a contact begins to slide that its friction cannot hold; in space much longer than the velocity (m/s)
+        that friction would give it over its natural size, so that it keeps the direction until it is faster than steps can follow."""
+        force, slopes = forces_of(mode, tuple(self.rows[each] for each in held), held.index(k), at), self.functions.sliding(at)[k][1]
         size = float(np.linalg.norm(force))
-        return -force / size if size else force
+        if len(force) == 1 or not size:
+            return np.sign(-force)
+        deceleration = float(np.max(np.einsum("kn,nk->k", slopes, response(self.kernels, at, slopes)))) * size
+        speed = math.sqrt(deceleration * np.max(np.abs(slopes) @ self.kernels.column_sizes))
+        return -force / size * max(FROM_REST * speed, self.unseen_sliding(k, at) / REST)
+
+    def largest(self, k: int, at: State, velocity: np.ndarray) -> float:
+        """The largest velocity (m/s) of the slide of a contact in space that is known. It is so much at least that rounding
+        does not hide that it comes to rest."""
+        terms = float(np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.kernels.column_sizes)) * self._speed(at.qd)
+        return max(self._largest_so_far(k, at), float(np.linalg.norm(velocity)), ROUNDING * terms)
 
     def _happened(
         self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]
@@ -193,9 +229,12 @@ class HeldChoice:
         self.active = active = Active([self._kind(k) for k in positions], [positions.get(functions.gaps.get(k, -1), -1) for k in positions])
         for k, position in positions.items():
             active.before[position], active.rests[position], active.released[position] = k in held, k in resting, k in owner.left
-            active.still[position] = owner.is_still(k, at)
+            turns = any(functions.turns.get(number) == k for number in due)
+            active.still[position] = owner.is_still(k, at) or (
+                turns and np.linalg.norm(functions.sliding(at)[k][0]) <= owner.unseen_sliding(k, at)
+            )
             active.closed[position] = k not in functions.moving and k not in functions.contacts and owner.is_closed(k, at)
-            active.happened[position] = k in due and (k not in functions.contacts or owner.comes_to_rest(k, at))
+            active.happened[position] = k in due and k not in functions.turns.values()
         for k, side in owner.left.items():
             if k in functions.frictions:
                 active.released[positions[k]] = int(side[0])
@@ -279,5 +318,6 @@ class HeldChoice:
             elif k in released:
                 p[indices] = released[k]
             elif np.any(velocity):
-                p[indices] = velocity if len(velocity) > 1 else np.sign(velocity)
+                length = owner.largest(k, self._start, velocity) if len(velocity) > 1 else 1.0
+                p[indices] = velocity / np.linalg.norm(velocity) * length
         return p

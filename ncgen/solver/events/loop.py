@@ -33,6 +33,7 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
     loop = EventLoop(engine, kernels, State(t=float(task.grid[0]), q=task.q, qd=task.velocities, p=task.p), passage)
+    loop._see(task)
     ends = loop.begin()
     return loop.run(path, task, ends)
 
@@ -73,6 +74,7 @@ class EventLoop:
             if reason or segment.stopped is None:
                 return reason
             stops = self._is_stop(segment.crossed)
+            self._see(task, segment)
             if self._act(self._due(segment.crossed), crossed=segment.crossed) or stops:
                 return self._finish()
             if is_complete := len(path.q) == len(task.grid):  # C moved the last row to where a law changes: to this instant
@@ -106,6 +108,10 @@ class EventLoop:
         )  # fmt: skip
         try:
             return self.engine(segment, self.mode, part_task)
+        except ConvergenceError:
+            if not self._comes_to_rest(segment):
+                raise
+            return None
         finally:
             count = len(segment.q) - (segment.stopped is not None)
             rows = slice(fresh, max(count, fresh))
@@ -120,6 +126,22 @@ class EventLoop:
                     self._finish()
             if loads and loads.raised:
                 raise loads.raised
+
+    def _see(self, task: Task, segment: Path | None = None) -> None:
+        """Note which velocities steps do not tell from none: all of them where no step was short enough."""
+        if self.functions.turns:
+            is_blind, qd, sizes = segment is not None and segment.halted, self.at.qd, self.kernels.column_sizes
+            self.active_constraints.unseen = np.abs(qd) if is_blind else task.unseen(sizes, qd, self._accelerations())
+
+    def _comes_to_rest(self, segment: Path) -> bool:
+        """Whether steps became too short where contacts in space come to rest, so that friction has no direction; ends the part there."""
+        if segment.halted is None:
+            return False
+        t, q, qd, _ = segment.halted
+        segment.crossed = self.active_constraints.resting(replace(self.at, t=t, q=q, qd=qd))
+        if segment.crossed:
+            segment.stop(*segment.halted)
+        return bool(segment.crossed)
 
     def _rows_at_end(self) -> None:
         """The last row of the grid is that of the event itself."""
@@ -271,7 +293,8 @@ class EventLoop:
         chain.set_sides(self.signs)
         ways = self.active_constraints.directions(self.held, self.at.p)
         for k in range(len(functions.events), functions.count):
-            self.signs[k] = 0 if ways[k] == UNWATCHED else -int(ways[k])
+            may_begin = k in functions.turns.values()  # in space it has to become faster first than where it comes to rest
+            self.signs[k] = 0 if ways[k] == UNWATCHED or may_begin else -int(ways[k])
         for k in self.active_constraints.left:
             if k < len(functions.events):
                 self.signs[k] = 1

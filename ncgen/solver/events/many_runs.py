@@ -108,8 +108,8 @@ class ManyRuns:
     def _drive(self) -> None:
         """Give the motions what drives them: inputs, and the breaks of their laws. Drivers whose velocity jumps are left to single runs."""
         kernels, motions, signals = self.kernels, self.motions, self.run.signals
-        laws, ends = signals.laws if signals else (), motions.times[[0, -1]].tolist()
-        breaks = [break_times(kernels, p, *ends, laws) for p in motions.p]
+        laws, (start, end) = signals.laws if signals else (), motions.times[[0, -1]].tolist()
+        breaks = [break_times(kernels, p, start, end, laws) for p in motions.p]
         self._left = set[int]()
         if may_jump(kernels):
             self._left = {i for i, each in enumerate(breaks) if has_driver_jumps(kernels, motions.p[i], motions.q[i], each)}

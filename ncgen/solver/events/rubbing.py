@@ -19,7 +19,7 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.expressions import symbols_in
 from ncgen.model.values import Scalar
-from ncgen.program.motions.sliding import Sliding
+from ncgen.program.motions.sliding import BEGINNING, Sliding
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.modes import Held, sliding_of
 from ncgen.solver.events.state import State
@@ -111,8 +111,8 @@ def _friction(functions: EventFunctions, sliding: Sliding, at: State) -> np.ndar
     k = next(k for k, contact in functions.contacts.items() if contact.name == sliding.name)
     velocity, slopes = functions.sliding(at)[k]
     direction = at.p[[functions.kernels.parameters.index(name) for name in sliding.slip]]
-    if velocity @ direction > 0:
-        direction = velocity
+    if len(direction) > 1:
+        direction = np.sign(velocity @ direction) * velocity + BEGINNING * direction
     direction = direction / (np.linalg.norm(direction) or 1.0)
     return -functions.friction(k, at) * (slopes.T @ direction)
 

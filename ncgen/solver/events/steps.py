@@ -96,11 +96,18 @@ class Steps:
     def _follow(self) -> None:
         """Take on what the simulation was given since the last step: a state begins anew, and inputs may bring about events."""
         now, at = self._now, self._loop.at
-        if not (now.t == at.t and np.array_equal(now.q, at.q) and np.array_equal(now.qd, at.qd)):
+        if not self._is_where_it_was():
             self._begin()
+        elif self.stopped:
+            return
         elif not (np.array_equal(now.p, at.p) or self._loop.accept(now.p.copy())):
             self._loop.work = now.work
             self._note(self._loop.change(now.p.copy()))
+
+    def _is_where_it_was(self) -> bool:
+        """Whether the simulation has the state that the last step or event left."""
+        now, at = self._now, self._loop.at
+        return now.t == at.t and np.array_equal(now.q, at.q) and np.array_equal(now.qd, at.qd)
 
     def _begin(self) -> None:
         now = self._now
@@ -124,15 +131,15 @@ class Steps:
     # -- steps ---------------------------------------------------------------------------------
 
     def go_on(self, h: float) -> bool:
-        """On by h seconds, or to the event that ends the motion; False where one has ended it before.
+        """On by h seconds, or to the event that ends the motion, which inputs may bring about at once; False where one has ended it before.
 
         Raises ConvergenceError or DomainError where it cannot go on, ModelError for a state that cannot begin; then nothing has moved.
         """
         with self._or_back():
-            self._follow()
-            if self.stopped:
+            if self.stopped and self._is_where_it_was():
                 return False
-            if not self._has_moved(h):
+            self._follow()
+            if not (self.stopped or self._has_moved(h)):
                 self._run(self._now.t + h)
             return True
 

@@ -240,7 +240,7 @@ def _load(equations: Share, run: Trajectory, k: int) -> np.ndarray:
 
 def _felt(run: Trajectory, equations: Share, history: np.ndarray) -> np.ndarray:
     """Forces (N) on points and moments (N m) through vectors of a body, (K, elements, 3)."""
-    felt = history[:, equations.own].reshape(len(history), -1, 3)
+    felt = history[:, equations.indices].reshape(len(history), -1, 3)
     for i, element in enumerate(equations.body.elements):
         if isinstance(element, Vector):
             felt[:, i] = np.cross(geometry.element(run.kernels, element, run.q, run.p), felt[:, i])

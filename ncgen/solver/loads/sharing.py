@@ -76,7 +76,7 @@ class Share(Released):
         self.body = body
 
     @property
-    def own(self) -> np.ndarray:
+    def indices(self) -> np.ndarray:
         """Where the components of the body's elements stand, three by three."""
         return np.array([self.kernels.index[c.name] for e in self.body.elements for c in e.components], dtype=int)
 
@@ -167,7 +167,7 @@ def _internal_loads(equations: Share, q: np.ndarray, idle: np.ndarray, own_rows:
 
     A body whose rows the user wrote is rigid only as far as these rows say; between its fixed elements it is in any case.
     """
-    motions, indices = _rigid_motions(equations, q, idle), equations.own
+    motions, indices = _rigid_motions(equations, q, idle), equations.indices
     held = (
         np.ones(len(indices), dtype=bool)
         if equations.body.rigid
@@ -181,7 +181,7 @@ def _internal_loads(equations: Share, q: np.ndarray, idle: np.ndarray, own_rows:
 
 def _rigid_motions(equations: Share, q: np.ndarray, idle: np.ndarray) -> np.ndarray:
     """Velocities of a body's elements in natural units, columns: three translations, three rotations; along idle axes any."""
-    elements, x = equations.body.elements, equations.position(q)[equations.own].reshape(-1, 3)
+    elements, x = equations.body.elements, equations.position(q)[equations.indices].reshape(-1, 3)
     is_point = np.array([isinstance(e, Point) for e in elements], dtype=float)[:, None]
     size = equations.kernels.length
     arms = np.where(is_point, (x - x[:1]) / size, x)
@@ -192,7 +192,7 @@ def _rigid_motions(equations: Share, q: np.ndarray, idle: np.ndarray) -> np.ndar
 
 def _rows_on(equations: Share, shares: list[Share], rows: list[np.ndarray]) -> np.ndarray:
     """Rows that other bodies own between elements of this one, columns; a rigid body needs none of them."""
-    index, columns = {equations.coordinates[k]: k for k in equations.own}, []
+    index, columns = {equations.coordinates[k]: k for k in equations.indices}, []
     for other, matrix in zip(shares, rows, strict=True):
         if equations.body.rigid or other is equations:
             continue
@@ -207,7 +207,7 @@ def _rows_on(equations: Share, shares: list[Share], rows: list[np.ndarray]) -> n
 
 def _felt(equations: Share, change: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Changes (3 · elements, k) of forces on points and of moments through vectors."""
-    felt, x = change[equations.own], equations.position(q)[equations.own].reshape(-1, 3)
+    felt, x = change[equations.indices], equations.position(q)[equations.indices].reshape(-1, 3)
     for i, element in enumerate(equations.body.elements):
         if isinstance(element, Vector):
             felt[3 * i : 3 * i + 3] = np.cross(x[i], felt[3 * i : 3 * i + 3], axisb=0, axisc=0)

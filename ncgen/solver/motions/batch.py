@@ -155,16 +155,16 @@ def accelerations_batch(
 
 def _places(kernels: Kernels, out: BatchAccelerations, states: States) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
     """The arrays of results of before, where C may write. Raises ModelError for others."""
-    from ncgen.mechanism.arguments import place
+    from ncgen.mechanism.arguments import writable
 
     if len(out.q) != len(states.q):
         raise ModelError(f"{kernels.name}: out has results of {len(out.q)} states; {len(states.q)} are needed, or leave it out")
     q, zd, p = states.q, states.zd, states.p
     stays = q.ctypes.data == out.q.ctypes.data and q.shape == out.q.shape
-    place(out.q, q.shape, f"{kernels.name}: out.q", (zd, p) if stays else (q, zd, p))
+    writable(out.q, q.shape, f"{kernels.name}: out.q", (zd, p) if stays else (q, zd, p))
     if out.qd is not None:
-        place(out.qd, q.shape, f"{kernels.name}: out.qd", (q, zd, p, out.q))
-    place(out.zdd, zd.shape, f"{kernels.name}: out.zdd", (q, zd, p, out.q))
+        writable(out.qd, q.shape, f"{kernels.name}: out.qd", (q, zd, p, out.q))
+    writable(out.zdd, zd.shape, f"{kernels.name}: out.zdd", (q, zd, p, out.q))
     return out.q, out.qd, out.zdd
 
 
@@ -273,7 +273,7 @@ def _in_lanes(
     kernels: Kernels, run: Run, method: Method, states: States, threads: int | None, progress: Callable[[float], None] | None,
     breaks: list[np.ndarray] | None,
 ) -> LaneOutcome:  # fmt: skip
-    sizes = kernels.column_sizes[states.choice.places]
+    sizes = kernels.column_sizes[states.choice.indices]
     tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
     return states.choice.lanes.simulate(
         method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, breaks, tolerance=TOLERANCE, max_growth=GROWTH,

@@ -122,7 +122,7 @@ def _carry_out(
         warn(singular_message(kernels, freedom_at(*here)))
     if negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p):
         warn(f"{kernels.name}: {negative}")
-    for doubt in doubts(motion.inspected(trajectory), motion.tolerances.rtol, choice.method):
+    for doubt in doubts(motion.inspected(trajectory), motion.tolerances, choice.method):
         warn(f"{kernels.name}: {doubt}")
     return trajectory
 

@@ -48,7 +48,7 @@ class CommonCoordinates:
         return self.partitions.velocity.names(self.kernels)
 
     @property
-    def places(self) -> np.ndarray:
+    def indices(self) -> np.ndarray:
         """Theirs in q."""
         return self.partitions.velocity.independent
 
@@ -211,7 +211,7 @@ def _rates_given(
             try:
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always")
-                    known[key] = given_velocity(kernels, velocity, q[i], t, p[i])[choice.places]
+                    known[key] = given_velocity(kernels, velocity, q[i], t, p[i])[choice.indices]
             except (NcgenError, np.linalg.LinAlgError) as error:
                 faults[i] = str(error)
                 continue

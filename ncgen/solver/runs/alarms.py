@@ -7,6 +7,7 @@ import numpy as np
 from ncgen.methods.method import Method
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.energy import drift
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
@@ -22,6 +23,10 @@ rests at all instants of the grid does not rest at these. A run in C without oth
 
 MAX_ENERGY_CHANGE = 1e-2
 """Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
+
+WORK_ERRORS = 10.0
+"""How many times atol (J) the work may be wrong by. What rests, slips a little between two instants at which the energy is looked at, and
+rests again has no energy at either of them, and all its work may be such errors."""
 
 MAX_RESIDUAL_OVER_RTOL = 100.0
 """Residuals of feedback, over rtol, from which they are told."""
@@ -40,14 +45,16 @@ def monitoring_times(run: Run, method: Method) -> np.ndarray:
     return run.times[0] + SAMPLE_FRACTIONS * run.duration
 
 
-def doubts(run: Trajectory, rtol: float, method: Method) -> list[str]:
+def doubts(run: Trajectory, tolerances: Tolerances, method: Method) -> list[str]:
     """What speaks against a motion, in words.
 
-    seen: the motion at the instants at which the energy was looked at, its ends included; rtol: that was kept
+    run: at the instants at which the energy was looked at, its ends included; tolerances: that were kept
     """
+    rtol = tolerances.rtol
     feedback = method.options.get("stabilisation") in ("baumgarte", "none")
     reasons = [] if feedback or method.has_fixed_step else _contradiction(run)
-    change = drift(run.kernels, run.t, run.q, run.qd, run.work, run.p)
+    unseen = WORK_ERRORS * tolerances.atol if np.any(run.work) else 0.0
+    change = drift(run.kernels, run.t, run.q, run.qd, run.work, run.p, unseen)
     if feedback and change > MAX_ENERGY_CHANGE:
         reasons.append(
             f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "

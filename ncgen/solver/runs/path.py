@@ -23,6 +23,7 @@ class Path:
     jacobians, fallbacks: as in `Statistics`
     stiff: how often dopri5 or dop853 in C found that stability, not the error, holds the steps down
     impulses: of drivers whose velocity jumped on the way
+    halted: time (s), position, velocities and work at which steps became too short, None where they did not
     crossed: numbers of the conditions at which C stopped; next_step: length of the step that it would try next (s), 0 where it does not say
     """
 
@@ -34,6 +35,7 @@ class Path:
     projections: int = 0
     largest_projection: float = 0.0
     stopped: float | None = None
+    halted: tuple[float, np.ndarray, np.ndarray, float] | None = None
     jacobians: int = 0
     fallbacks: int = 0
     stiff: int = 0

@@ -27,14 +27,15 @@ def energies(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, p: 
     return kernels.energies(q, qd, t, kernels.p0 if p is None else p)
 
 
-def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray) -> float:
+def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray, unseen: float = 0.0) -> float:
     """The largest |T + V − W − its start| over K instants, relative to the energy that moves: the largest T or W or change of V.
 
-    0 where that is rounding, and where nothing leaves its place by more than rounding. A mechanism at rest moves at least the kinetic
-    energy of speeds that count as rest, so that the noise of its velocities is no drift.
+    0 where that is rounding, or below what is `unseen` (J), and where nothing leaves its place by more than rounding. A mechanism at rest
+    moves at least the kinetic energy of speeds that count as rest, so that the noise of its velocities is no drift.
     """
     energies_of_run = energies(kernels, t, q, qd, p)
-    ratio = float(_relative(energies_of_run[:, 0], energies_of_run[:, 1], work, _least(kernels, t[0], q[0], p)))
+    least = _least(kernels, t[0], q[0], p)
+    ratio = float(_relative(energies_of_run[:, 0], energies_of_run[:, 1], work, least, unseen))
     return 0.0 if not ratio < MIN_ALARMING_DRIFT and _is_still(kernels, q) else ratio
 
 
@@ -53,15 +54,15 @@ def _is_still(kernels: Kernels, q: np.ndarray) -> np.ndarray | np.bool_:
     return (np.abs(q - q[..., :1, :]) <= DISPLACEMENT_ROUNDING * kernels.column_sizes).all(axis=(-2, -1))
 
 
-def _relative(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, least: np.ndarray | float) -> np.ndarray:
-    """The drift along the last axis, relative to what moves, at least to `least`."""
+def _relative(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, least: np.ndarray | float, unseen: float = 0.0) -> np.ndarray:
+    """The drift along the last axis, relative to what moves, at least to `least`; 0 up to `unseen` (J)."""
     total = kinetic + potential - work
     error = np.abs(total - total[..., :1]).max(axis=-1)
     done = np.abs(work)
     rounding = ROUNDING * (np.abs(kinetic) + np.abs(potential) + done).max(axis=-1)
     span = potential.max(axis=-1) - potential.min(axis=-1)
     moved = np.maximum(np.maximum(kinetic.max(axis=-1), span), done.max(axis=-1))
-    return np.where(error <= rounding, 0.0, error / np.maximum(moved, least))
+    return np.where(error <= np.maximum(rounding, unseen), 0.0, error / np.maximum(moved, least))
 
 
 def _least(kernels: Kernels, t: float, q: np.ndarray, p: np.ndarray) -> float:
