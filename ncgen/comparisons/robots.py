@@ -166,7 +166,7 @@ def motion() -> None:
     positions = [kernels.coordinates.index(name) for name in names] or list(range(kernels.n))
     with suppress(NcgenError):  # then the error is unknown, and the run counts all the same
         tight = simulate_one(kernels, duration, rtol=REFERENCE_RTOL, zd0=zd0 or None, points=2)
-        _print_results(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[positions])))
+        _print_results(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[positions], initial=0.0)))
     _print_results(drift=float(run.energy_drift))
 
 

@@ -102,15 +102,15 @@ void ncgen_keep_ways(const ncgen_instant *i, const int *which, const ncgen_real 
  * would give it over its natural size, so that it keeps the direction until it is faster than steps can follow. */
 static int find_beginning(ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real force, ncgen_real *length)
 {
-    ncgen_real fastest = 0;
+    ncgen_real deceleration = 0;
     for (int k = rubbing->first; k < rubbing->first + rubbing->directions; ++k) {
         const int status = ncgen_respond(i->d, i->p, i->moment, ncgen_sliding_gradient(i, k), i->kept);
         const ncgen_real own = ncgen_dot(i->n, ncgen_sliding_gradient(i, k), i->kept) * force;
         if (status != NCGEN_OK)
             return status;
-        fastest = own > fastest ? own : fastest;
+        deceleration = own > deceleration ? own : deceleration;
     }
-    const ncgen_real speed = from_rest * NCGEN_SQRT(fastest * largest_change(i, rubbing, natural_size));
+    const ncgen_real speed = from_rest * NCGEN_SQRT(deceleration * largest_change(i, rubbing, natural_size));
     const ncgen_real missed = (i->d->options->span > 0 ? unseen : unseen_at_first) * largest_change(i, rubbing, unseen_velocity) / rest;
     *length = speed > missed ? speed : missed;
     return NCGEN_OK;

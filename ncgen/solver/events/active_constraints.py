@@ -26,7 +26,7 @@ from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
-UNSEEN = 20.0
+MISSED_SPEED_FACTOR = 20.0
 """Around rest, where friction jumps, steps miss velocities by up to this many times what they are to see. To come to rest so much too early
 changes the motion by the square of that: friction has the same impulse in the end."""
 
@@ -168,7 +168,7 @@ class ActiveConstraints:
 
     def unseen_sliding(self, k: int, at: State) -> float:
         """The greatest sliding velocity (m/s) of a contact that steps may miss around rest."""
-        return float(UNSEEN * np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.unseen))
+        return float(MISSED_SPEED_FACTOR * np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.unseen))
 
     def _largest_so_far(self, k: int, at: State) -> float:
         """The largest velocity (m/s) of the present slide of a contact in space that is known; 0 in the plane."""

@@ -127,21 +127,21 @@ class EventLoop:
             if loads and loads.raised:
                 raise loads.raised
 
-    def _see(self, task: Task, part: Path | None = None) -> None:
+    def _see(self, task: Task, segment: Path | None = None) -> None:
         """Note which velocities steps do not tell from none: all of them where no step was short enough."""
         if self.functions.turns:
-            is_blind, qd, sizes = part is not None and part.halted, self.at.qd, self.kernels.column_sizes
+            is_blind, qd, sizes = segment is not None and segment.halted, self.at.qd, self.kernels.column_sizes
             self.active_constraints.unseen = np.abs(qd) if is_blind else task.unseen(sizes, qd, self._accelerations())
 
-    def _comes_to_rest(self, part: Path) -> bool:
+    def _comes_to_rest(self, segment: Path) -> bool:
         """Whether steps became too short where contacts in space come to rest, so that friction has no direction; ends the part there."""
-        if part.halted is None:
+        if segment.halted is None:
             return False
-        t, q, qd, _ = part.halted
-        part.crossed = self.active_constraints.resting(replace(self.at, t=t, q=q, qd=qd))
-        if part.crossed:
-            part.stop(*part.halted)
-        return bool(part.crossed)
+        t, q, qd, _ = segment.halted
+        segment.crossed = self.active_constraints.resting(replace(self.at, t=t, q=q, qd=qd))
+        if segment.crossed:
+            segment.stop(*segment.halted)
+        return bool(segment.crossed)
 
     def _rows_at_end(self) -> None:
         """The last row of the grid is that of the event itself."""
