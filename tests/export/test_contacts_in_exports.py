@@ -47,7 +47,7 @@ def test_c_is_our_own_run(tmp_path, name):
     _, times, end = expected(name)
     events, last, _, stopped, said = run_in_c(MODELS[name](), tmp_path, end, 1e-13, flags="-O1")
     assert said == "ok" and not stopped
-    assert [row[0] for row in events if row[0] > 0] == pytest.approx(times, rel=1e-9)
+    assert [row[0] for row in events if row[0] > 0] == pytest.approx(times, rel=1e-9, abs=1e-11)
     same(name, last, last[-1])
 
 
@@ -56,7 +56,7 @@ def test_c_is_our_own_run(tmp_path, name):
 def test_webassembly_is_our_own_run(tmp_path, name):
     _, times, end = expected(name)
     answer = moved(MODELS[name](), tmp_path, end)
-    assert [row[0] for row in answer["found"][:-1]] == pytest.approx(times, rel=1e-9)
+    assert [row[0] for row in answer["found"][:-1]] == pytest.approx(times, rel=1e-9, abs=1e-11)
     for last in (answer["found"][-1], answer["again"]):
         same(name, np.array(last), answer["work"])
 
