@@ -97,20 +97,6 @@ static int is_still(const ncgen_instant *i, int k)
     return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
 }
 
-/* The accelerations with what is held at present. */
-static int accelerate(ncgen_instant *i)
-{
-    ncgen_entered in;
-    if (i->events->n_holds) {
-        ncgen_enter_held(i->d, i->events, i->p, NULL, &in);
-        return ncgen_evaluate_moment(&in.driven, i->p, i->moment);
-    }
-    if (!i->events->n_modes)
-        return ncgen_evaluate_moment(i->d, i->p, i->moment);
-    ncgen_enter(i->d, i->events, i->passage, &in);
-    return ncgen_evaluate_moment(&in.driven, i->p, i->moment);
-}
-
 static int find_loads(void *context, int projected)
 {
     const ncgen_instant *i = (const ncgen_instant *)context;
@@ -146,7 +132,7 @@ static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
         if (wanted[k] != before[k])
             ncgen_note(passage->log, n, i->moment, k, wanted[k] ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
     }
-    return status == NCGEN_OK ? accelerate(i) : status;
+    return status == NCGEN_OK ? ncgen_accelerate(i) : status;
 }
 
 /* The same of what may be held in the mechanism with switches. */
@@ -159,16 +145,14 @@ static int choose_held(ncgen_instant *i, const int *happened, const int *resting
     }
     if (status == NCGEN_OK)
         status = ncgen_forget_sides(i);
-    return status == NCGEN_OK ? accelerate(i) : status;
+    return status == NCGEN_OK ? ncgen_accelerate(i) : status;
 }
 
 /* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate. resting (count): which gaps are at rest */
 static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
 {
     const ncgen_real *rates = i->responses, *accelerations = rates + i->count; /* responses are no longer needed */
-    int status, rested = 0;
-    ncgen_write_held(i->events, i->passage->flags, 0, i->p);
-    status = accelerate(i);
+    int rested = 0, status = ncgen_accelerate_open(i, chain->happened, resting);
     ncgen_notes_follow(i->passage->log, 0);
     if (status == NCGEN_OK)
         status = find_numbers(i);
@@ -179,11 +163,10 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
     ncgen_set_sides(chain, i->passage->signs);
     for (int k = 0; k < i->count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
+        const int bounced = resting[k];
         resting[k] = 0;
         i->velocities[k] = -1; /* room for the time in which bounces end */
-        if (k >= ncgen_n_events(i))
-            continue;
-        if (!chain->happened[k] || !impact || !ncgen_is_at_rest(i->values[2 * k], i->scales[k], rates[k], accelerations[k], i->events->noise))
+        if (!bounced || !ncgen_is_at_rest(i->values[2 * k], i->scales[k], rates[k], accelerations[k], i->events->noise))
             continue;
         i->velocities[k] = ncgen_time_of_bounces(rates[k], accelerations[k], i->numbers[impact->value]);
         if (impact->place)
@@ -270,7 +253,7 @@ static int begin_held(ncgen_instant *i)
     int status = act(i, -1);
     if (status == NCGEN_OK)
         status = ncgen_look(i);
-    return status == NCGEN_OK ? accelerate(i) : status;
+    return status == NCGEN_OK ? ncgen_accelerate(i) : status;
 }
 
 int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)

@@ -229,6 +229,50 @@ static int find_loads(void *context, int projected)
     return status;
 }
 
+/* Gaps that have bounced are held no more, nor do contacts stick in which they are. */
+static void open_gaps(ncgen_instant *i, const int *bounced)
+{
+    const ncgen_events *e = i->events;
+    for (int h = 0; h < e->n_holds; ++h) {
+        const ncgen_rubbing *rubbing = ncgen_rubbing_of(e, h);
+        const int gap = rubbing ? rubbing->gap : h;
+        if (ncgen_is_gap(e->holds + gap) && bounced[e->holds[gap].condition])
+            i->p[e->holds[h].on] = 0;
+    }
+}
+
+int ncgen_accelerate(ncgen_instant *i)
+{
+    ncgen_entered in;
+    if (i->events->n_holds) {
+        ncgen_enter_held(i->d, i->events, i->p, NULL, &in);
+        return ncgen_evaluate_moment(&in.driven, i->p, i->moment);
+    }
+    if (!i->events->n_modes)
+        return ncgen_evaluate_moment(i->d, i->p, i->moment);
+    ncgen_enter(i->d, i->events, i->passage, &in);
+    return ncgen_evaluate_moment(&in.driven, i->p, i->moment);
+}
+
+int ncgen_accelerate_open(ncgen_instant *i, const int *happened, int *bounced)
+{
+    const int has_modes = i->events->n_modes > 0, mode = has_modes ? *i->passage->mode : 0, hit = ncgen_was_hit(i);
+    int opens = 0;
+    for (int k = 0; k < i->count; ++k) {
+        const int is_gap = k < ncgen_n_events(i) && ncgen_impact_of(i->events, k);
+        bounced[k] = is_gap && (happened[k] || (hit && ncgen_is_closed(i, k)));
+        opens |= bounced[k] && has_modes && ncgen_holds(i->events, i->passage, k);
+    }
+    ncgen_write_held(i->events, i->passage->flags, 0, i->p);
+    open_gaps(i, bounced);
+    if (opens)
+        *i->passage->mode = 0;
+    const int status = ncgen_accelerate(i);
+    if (opens)
+        *i->passage->mode = mode;
+    return status;
+}
+
 /* What is known of what may be held. */
 static void describe(const ncgen_instant *i, const int *happened, const int *resting, int was_hit, int *marks)
 {

@@ -15,6 +15,13 @@ int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in);
 /* Close a lock where it is, with the impulses of its constraint. */
 int ncgen_lock(ncgen_instant *i, int hold);
 
+/* The accelerations with what is held at present. */
+int ncgen_accelerate(ncgen_instant *i);
+
+/* Those without gaps that have bounced: they were due, or are closed where impulses acted. happened (count): which conditions have;
+ * bounced (count): which gaps */
+int ncgen_accelerate_open(ncgen_instant *i, const int *happened, int *bounced);
+
 /* The directions of slip at the start. */
 void ncgen_begin_slip(ncgen_instant *i);
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -237,7 +238,7 @@ class EventLoop:
         unhit = self.held if np.array_equal(before.qd, instant.at.qd) else ()
         instant.catch([*due, *unhit])
         self.at = instant.at
-        rests = self._resting(np.flatnonzero(instant.chain.happened).tolist())
+        rests = self._resting(instant.chain.happened, not np.array_equal(before.qd, self.at.qd))
         ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]
         resting = [k for k in rests if self.functions.events[k].name not in ended]
         unhit = self.held if np.array_equal(before.qd, self.at.qd) else ()
@@ -299,13 +300,17 @@ class EventLoop:
             if k < len(functions.events):
                 self.signs[k] = 1
 
-    def _resting(self, happened: list[int]) -> dict[int, tuple[str, float]]:
-        """{number: (name, limit time in s)} of gaps that closed and whose next bounce cannot be told from none."""
+    def _resting(self, happened: np.ndarray, is_hit: bool) -> dict[int, tuple[str, float]]:
+        """{number: (name, limit time in s)} of gaps that have bounced and whose next bounce cannot be told from none.
+
+        happened (C,): which conditions have; is_hit: whether impulses acted, with which all bounce that are closed
+        """
         resting_gaps: dict[int, tuple[str, float]] = {}
-        impacts = [k for k in happened if self.functions.events[k].impact]
+        gaps = [k for k, event in enumerate(self.functions.events) if event.impact]
+        impacts = [k for k in gaps if happened[k] or (is_hit and self.active_constraints.is_closed(k, self.at))]
         if not impacts:
             return resting_gaps
-        rates, second = self.functions.rates(self.at, self._accelerations())
+        rates, second = self.functions.rates(self.at, self._accelerations(impacts))
         values, scales = self.functions.weighed(self.at)
         for k in impacts:
             if is_at_rest(values[k], scales[k], rates[k], second[k], VALUE_ROUNDING[self.functions.degree]):
@@ -313,6 +318,9 @@ class EventLoop:
                 resting_gaps[k] = self.functions.events[k].name, self.at.t + ends
         return resting_gaps
 
-    def _accelerations(self) -> np.ndarray:
+    def _accelerations(self, hit: Sequence[int] = ()) -> np.ndarray:
+        """Those of the present state. hit: gaps that have bounced, so that they are held no more"""
+        held = [k for k in self.held if k not in hit]
+        mode = self.mode if len(held) == len(self.held) else self.functions.mode(self.at, [self.active_constraints.rows[k] for k in held])
         at = self.at
-        return accelerations_by("lagrange").motion(self.mode, at.q, at.qd, at.t, self.kernels.present(at.t, at.p), {}).qdd
+        return accelerations_by("lagrange").motion(mode, at.q, at.qd, at.t, self.kernels.present(at.t, at.p), {}).qdd
