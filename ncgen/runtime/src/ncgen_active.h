@@ -16,7 +16,7 @@ typedef struct ncgen_active {
     const int *happened; /* has its condition passed zero at this instant? of a contact: has it come to rest? */
     const int *rests;    /* is it at rest for other reasons: bounces end, an impact leaves it so, or nothing has hit it? */
     const int *closed;   /* is a gap closed? */
-    const int *still;    /* does a gap not change, or others not move? */
+    const int *still;    /* does a gap not change, or others not move? 2 of a contact that would begin to slide against others that do */
     int *wanted;         /* what is to be held */
     int *released;       /* what is not: 1, or of a joint the direction in which it slips, 1 or -1; else 0 */
     ncgen_real *loads;   /* conditions of loads of what is wanted, in this order: values, and sizes that they are compared with */

@@ -349,11 +349,12 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
-    int repeated = 0;
+    int repeated = 0, acted;
     if (*passage->stopped)
         return NCGEN_STOPPED;
     const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
+    acted = some > 0;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         const ncgen_scalar from = moment->t;
         ncgen_entered in;
@@ -361,6 +362,7 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
         const ncgen_driven *mode = &in.driven;
         if (status != NCGEN_OK)
             break;
+        in.watched.resumes &= acted; /* else what is due at the beginning is still to be carried out */
         status = breaks ? ncgen_advance_over_breaks(mode, breaks, p, moment, t_end, statistics) : ncgen_advance(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
@@ -370,6 +372,7 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
             ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         if (status == NCGEN_OK)
             status = ncgen_apply_events(d, events, p, moment, passage);
+        acted = 1;
         if (status == NCGEN_OK && ncgen_holds_others(events, p, passage))
             moment->h = 0; /* as it moves now another step may be right */
         repeated = moment->t > from ? 0 : repeated + 1;

@@ -55,7 +55,7 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
     in->driven = *d;
     in->options = *d->options;
     in->watched = *d->options->event;
-    in->watched.resumes = 1; /* behind the events of the last instant, or where nothing was due */
+    in->watched.resumes = 1; /* behind the events of the last instant */
     in->driven.options = &in->options;
     in->options.event = &in->watched;
     for (int h = 0; h < events->n_holds; ++h)

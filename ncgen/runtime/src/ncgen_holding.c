@@ -274,12 +274,13 @@ int ncgen_accelerate_open(ncgen_instant *i, const int *happened, int *bounced)
 }
 
 /* What is known of what may be held. */
-static void describe(const ncgen_instant *i, const int *happened, const int *resting, int was_hit, int *marks)
+static int describe(ncgen_instant *i, const int *happened, const int *resting, int was_hit, int *marks)
 {
     const ncgen_events *e = i->events;
     const int n = e->n_holds, *before = held_before(e, i->passage);
     int *kinds = marks, *needs = kinds + n, *has_happened = needs + n, *rests = has_happened + n, *closed = rests + n, *still = closed + n;
-    for (int h = 0; h < n; ++h) {
+    int status = NCGEN_OK;
+    for (int h = 0; h < n && status == NCGEN_OK; ++h) {
         const ncgen_hold *hold = e->holds + h;
         const int k = hold->condition, is_lock = ncgen_is_lock(hold), is_gap = ncgen_is_gap(hold);
         const ncgen_rubbing *rubbing = ncgen_rubbing_of(e, h);
@@ -289,7 +290,12 @@ static void describe(const ncgen_instant *i, const int *happened, const int *res
         rests[h] = !is_lock && ((is_gap && resting[k]) || (before[h] && !was_hit) || ncgen_stuck(e, i->passage)[h]);
         closed[h] = is_gap && ncgen_is_closed(i, k);
         still[h] = !is_lock && (is_still(i, hold) || (rubbing && rubbing->turn >= 0 && happened[rubbing->turn] && ncgen_is_unseen(i, rubbing)));
+        int opposed = 0;
+        if (rubbing && still[h] && !before[h])
+            status = ncgen_is_opposed(i, rubbing, released_of(e, i->passage), &opposed);
+        still[h] += opposed;
     }
+    return status;
 }
 
 /* How often joints and contacts have stuck, slipped or turned, and ratchets caught or released; qd (n): velocities before. */
@@ -324,7 +330,9 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
     if (status != NCGEN_OK)
         return status;
     ncgen_keep_slip(i);
-    describe(i, happened, resting, was_hit, marks);
+    status = describe(i, happened, resting, was_hit, marks);
+    if (status != NCGEN_OK)
+        return status;
     ncgen_copy(i->n, i->moment->q, i->passage->room);
     ncgen_copy(i->n, i->moment->qd, i->passage->room + i->n);
     status = ncgen_find_active(&c.active);

@@ -133,6 +133,27 @@ static void write_slip(const ncgen_instant *i, const ncgen_rubbing *rubbing, con
         i->p[rubbing->slip[l]] = rubbing->directions > 1 ? along[l] / size * length : (along[l] > 0) - (along[l] < 0);
 }
 
+int ncgen_is_opposed(ncgen_instant *i, const ncgen_rubbing *rubbing, const int *released, int *opposed)
+{
+    const ncgen_events *e = i->events;
+    const ncgen_real *slip = slip_before(i, rubbing);
+    ncgen_real product = 0;
+    *opposed = 0;
+    for (int l = 0; norm(rubbing->directions, slip) > 0 && l < rubbing->directions; ++l) {
+        const int status = ncgen_respond(i->d, i->p, i->moment, ncgen_sliding_gradient(i, rubbing->first + l), i->kept);
+        if (status != NCGEN_OK)
+            return status;
+        for (int k = 0; k < e->n_rubbings; ++k) {
+            const ncgen_rubbing *other = e->rubbings + k;
+            for (int j = 0; other->stick >= 0 && released[other->stick] && j < other->directions; ++j)
+                product += slip[l] * i->passage->ways[2 * other->stick + j] *
+                           ncgen_dot(i->n, ncgen_sliding_gradient(i, other->first + j), i->kept);
+        }
+    }
+    *opposed = product < 0;
+    return NCGEN_OK;
+}
+
 int ncgen_write_ways(ncgen_instant *i, const ncgen_active *active)
 {
     const ncgen_events *e = i->events;
@@ -151,7 +172,7 @@ int ncgen_write_ways(ncgen_instant *i, const ncgen_active *active)
             i->p[rubbing->slip[l]] = 0;
         if (begins)
             write_slip(i, rubbing, way, length);
-        else if (slides && speed > 0)
+        else if (slides && speed > 0 && !active->still[h])
             write_slip(i, rubbing, w, largest_of(i, rubbing, speed));
     }
     return status;

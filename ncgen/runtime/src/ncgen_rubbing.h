@@ -22,7 +22,10 @@ void ncgen_keep_slip(const ncgen_instant *i);
 /* The forces of contacts of `which` (n_holds), along which they would begin to slide, from the held_conditions. */
 void ncgen_keep_ways(const ncgen_instant *i, const int *which, const ncgen_real *pairs);
 
-/* Write to p in which direction each contact slides, as what is wanted and released says. */
+/* Would a contact that has not moved begin to slide against others that have been released? As a rigid body moves, it will not. */
+int ncgen_is_opposed(ncgen_instant *i, const ncgen_rubbing *rubbing, const int *released, int *opposed);
+
+/* Write to p in which direction each contact slides, as what is wanted and released says; those that others hold still keep theirs. */
 int ncgen_write_ways(ncgen_instant *i, const ncgen_active *active);
 
 /* A contact in space that has just begun to slide is not yet faster than where it would come to rest: no side is known of its condition. */

@@ -157,6 +157,16 @@ class ActiveConstraints:
         slopes, drift = self.functions.slopes(at)
         return is_still(slopes[k] @ at.qd + drift[k], np.abs(slopes[k]) @ sizes * speed, drift[k])
 
+    def is_opposed(self, k: int, at: State) -> bool:
+        """Whether a contact that has not moved would begin to slide against others that were released: as a rigid body moves, it will not."""
+        functions = self.functions
+        if k not in functions.contacts or not (released := [j for j in self.left if j in functions.contacts]):
+            return False
+        slip = at.p[[self.place(name) for name in functions.contacts[k].slip]]
+        sliding = functions.sliding(at)
+        change = response(self.kernels, at, sliding[k][1]) @ slip
+        return bool(sum(self.left[j] @ sliding[j][1] @ change for j in released) < 0)
+
     def _speed(self, qd: np.ndarray) -> float:
         """The greatest velocity (1/s) in natural sizes."""
         return float(np.max(np.abs(qd) / self.kernels.column_sizes, initial=0.0))
@@ -233,6 +243,7 @@ class HeldChoice:
             active.still[position] = owner.is_still(k, at) or (
                 turns and np.linalg.norm(functions.sliding(at)[k][0]) <= owner.unseen_sliding(k, at)
             )
+            active.still[position] += active.still[position] and k not in held and owner.is_opposed(k, at)
             active.closed[position] = k not in functions.moving and k not in functions.contacts and owner.is_closed(k, at)
             active.happened[position] = k in due and k not in functions.turns.values()
         for k, side in owner.left.items():
@@ -317,7 +328,7 @@ class HeldChoice:
                 p[indices] = 0.0
             elif k in released:
                 p[indices] = released[k]
-            elif np.any(velocity):
+            elif np.any(velocity) and not self.active.still[self._numbers.index(k)]:
                 length = owner.largest(k, self._start, velocity) if len(velocity) > 1 else 1.0
                 p[indices] = velocity / np.linalg.norm(velocity) * length
         return p
