@@ -45,14 +45,15 @@ def built(once, exports, tmp_path):
 
 @pytest.fixture(scope="session")
 def page_of(tmp_path_factory):
-    """page_of(model or name): the path of its page, made once."""
+    """page_of(model or name): the path of its page; that of an example is made once."""
     made, folder = {}, tmp_path_factory.mktemp("pages")
 
     def get(model):
-        name = model if isinstance(model, str) else model.name
-        if name not in made:
-            (made[name],) = export(load(model) if isinstance(model, str) else model, "html", folder)
-        return made[name]
+        if not isinstance(model, str):  # others may have its name
+            return export(model, "html", tmp_path_factory.mktemp("page"))[0]
+        if model not in made:
+            (made[model],) = export(load(model), "html", folder)
+        return made[model]
 
     return get
 

@@ -345,6 +345,20 @@ int ncgen_enter_present(const ncgen_driven *d, const ncgen_events *events, ncgen
     return status == NCGEN_OK ? ncgen_skip_blocked(&i, in) : status;
 }
 
+/* Is there an event at zero that has not happened yet, as where a motion was advanced to its very instant? */
+static int is_ahead(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
+{
+    ncgen_instant i;
+    int ahead = 0;
+    ncgen_open_instant(&i, d, events, p, moment, passage);
+    const int status = ncgen_look(&i);
+    for (int k = 0; k < ncgen_n_events(&i) && status == NCGEN_OK; ++k) {
+        const int way = ncgen_way(events, p, k), watched = way != NCGEN_UNWATCHED && !ncgen_holds(events, passage, k);
+        ahead |= watched && ncgen_is_closed(&i, k) && passage->signs[k] * way < 0;
+    }
+    return ahead;
+}
+
 int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
@@ -354,7 +368,7 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
         return NCGEN_STOPPED;
     const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
-    acted = some > 0;
+    acted = some > 0 || !is_ahead(d, events, p, moment, passage);
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         const ncgen_scalar from = moment->t;
         ncgen_entered in;
