@@ -158,7 +158,7 @@ class ActiveConstraints:
         return is_still(slopes[k] @ at.qd + drift[k], np.abs(slopes[k]) @ sizes * speed, drift[k])
 
     def is_opposed(self, k: int, at: State) -> bool:
-        """Whether a contact that has not moved would begin to slide against others that were released: as a rigid body moves, it will not."""
+        """Whether a contact that has not moved would begin to slide against others that were released: rigid bodies do not move so."""
         functions = self.functions
         if k not in functions.contacts or not (released := [j for j in self.left if j in functions.contacts]):
             return False
