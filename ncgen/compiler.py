@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 BACKENDS = ("auto", "c", "numpy")
 EFFORTS = ("auto", "most")
 
-Given = ParamSpec("Given")
+Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
 
@@ -43,7 +43,7 @@ class Timings:
 
     seconds: dict[str, float] = field(default_factory=dict)
 
-    def stage(self, name: str, function: Callable[Given, Result], *arguments: Given.args, **named: Given.kwargs) -> Result:
+    def stage(self, name: str, function: Callable[Parameters, Result], *arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
         start = time.perf_counter()
         result = function(*arguments, **named)
         self.seconds[name] = time.perf_counter() - start

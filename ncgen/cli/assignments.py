@@ -36,7 +36,7 @@ def with_model_parameters(model: Model, typed: dict[str, float] | None) -> dict[
 
     Raises ModelError where its own are not numbers.
     """
-    from ncgen.solver.given import parameters
+    from ncgen.solver.argument_checks import parameters
     from ncgen.solver.runs.run import outline
 
     defaults: Any = model.simulation_options.get("p")

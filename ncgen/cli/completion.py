@@ -16,7 +16,7 @@ import typer
 from ncgen.errors import shortened
 
 if TYPE_CHECKING:
-    from ncgen.solver.given import Outline
+    from ncgen.solver.argument_checks import Outline
 
 WIDTH = 60
 """Characters of what is said about a word: typer breaks longer lines, and shells take each for another word."""

@@ -20,8 +20,8 @@ from ncgen.errors import ModelError
 from ncgen.exchange.motion_functions import MotionFunction, rates_of
 from ncgen.exchange.xla import operation
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.argument_checks import checked_kernels
 from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED
-from ncgen.solver.given import checked_kernels
 from ncgen.solver.groups import MotionArguments, takes
 
 Array: TypeAlias = Any

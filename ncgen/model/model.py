@@ -103,7 +103,7 @@ class Model(Gears, LoopClosing, Locks, Pictures):
         self._is_recording = False
 
     def __repr__(self) -> str:
-        parts = counted(len(self.components), "coordinate"), counted(len(self.rows), "row"), counted(len(self.bodies), "body")
+        parts = counted(len(self.components), "coordinate"), counted(len(self.rows), "constraint"), counted(len(self.bodies), "body")
         return f"<Model {self.name}: {', '.join(parts)}>"
 
     @property

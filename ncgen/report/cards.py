@@ -44,7 +44,7 @@ MAX_TIMES = 200
 """Of a motion, that a card looks at."""
 
 LINES = 6
-"""Of redundant rows, and twice as many coordinates, that are shown at once."""
+"""Of redundant constraints, and twice as many coordinates, that are shown at once."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Card:
 
 
 def of_model(model: Model) -> str:
-    """Drawing, degrees of freedom, rows and numbers of a model as they are now."""
+    """Drawing, degrees of freedom, constraints and numbers of a model as they are now."""
     card = Card(name=model.name, kind="model")
     card.add("counts", lambda: [f"{_free(model)} of {len(model.components)} coordinates free"])
     card.add("bodies", lambda: [counted(len(model.bodies), "body")])
@@ -158,7 +158,7 @@ def _freedoms(kernels: Kernels) -> list[str]:
         lines.append("the initial position is singular")
     for redundancy in freedoms.redundant[:LINES]:
         others = ", ".join(str(row + 1) for row in redundancy.implied_by)
-        lines.append(f"row {redundancy.row + 1} ({kernels.rows[redundancy.row].label}) follows from {others}")
+        lines.append(f"constraint {redundancy.row + 1} ({kernels.rows[redundancy.row].label}) follows from {others}")
     if len(freedoms.redundant) > LINES:
         lines.append(f"and {len(freedoms.redundant) - LINES} more rows follow from others")
     return lines
@@ -166,10 +166,10 @@ def _freedoms(kernels: Kernels) -> list[str]:
 
 def _rows(model: Model) -> list[str | CardTable]:
     if not model.rows:
-        return ["no rows"]
+        return ["no constraints"]
     cells = [(str(number), row.code or "", row.label, str(row.owner)) for number, row in enumerate(model.rows[:LISTED], 1)]
     more = [("…", "", f"{len(model.rows) - LISTED} more", "")] if len(model.rows) > LISTED else []
-    return [CardTable(counted(len(model.rows), "row"), [_cells(row) for row in [*cells, *more]])]
+    return [CardTable(counted(len(model.rows), "constraint"), [_cells(row) for row in [*cells, *more]])]
 
 
 def _numbers(model: Model) -> list[CardTable]:

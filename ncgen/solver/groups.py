@@ -19,7 +19,7 @@ from ncgen.solver.name_lists import offer
 
 if TYPE_CHECKING:
     from ncgen.methods.own_formalism import OwnFormalism
-    from ncgen.solver.given import Given
+    from ncgen.solver.argument_checks import ArrayOrNamed
     from ncgen.solver.runs.signals import Signal
 
 CONSISTENT_RESIDUAL = 1e-9
@@ -58,11 +58,11 @@ class StartArguments(TypedDict, total=False):
         table its ends hold. Inputs that are not named keep their values in `p`. Steps end where a table jumps or has a corner.
     """
 
-    q0: Given | None
-    zd0: Given | None
-    qd0: Given | None
+    q0: ArrayOrNamed | None
+    zd0: ArrayOrNamed | None
+    qd0: ArrayOrNamed | None
     z: str | Iterable[str] | None
-    p: Given | None
+    p: ArrayOrNamed | None
     t0: float
     closing: float
     inputs: Mapping[str, Signal] | None

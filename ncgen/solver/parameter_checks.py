@@ -1,6 +1,6 @@
 """Whether parameters are values that the model could have been made with: what is no mass as a number is rejected in p.
 
-Everything that takes p from a caller judges it here, through `ncgen.solver.given` or `ncgen.solver.motions.states`.
+Everything that takes p from a caller judges it here, through `ncgen.solver.argument_checks` or `ncgen.solver.motions.states`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.evaluate import evaluate_rows
 
 if TYPE_CHECKING:
-    from ncgen.solver.given import Outline
+    from ncgen.solver.argument_checks import Outline
 
 Judged: TypeAlias = tuple[list[Condition], Program]
 """The conditions of a model that parameters have a say in, and a program of the numbers that they are about."""

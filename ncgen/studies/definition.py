@@ -20,8 +20,8 @@ from ncgen.model import Model
 from ncgen.model.digest import OF_EVENTS, digest, digest_of_events
 from ncgen.model.elements import coordinate_of
 from ncgen.model.model import checked_model
-from ncgen.solver.given import count as whole
-from ncgen.solver.given import has_events, known_name, several
+from ncgen.solver.argument_checks import count as whole
+from ncgen.solver.argument_checks import has_events, known_name, several
 from ncgen.solver.runs.run import Run, outline
 from ncgen.solver.runs.simulation_options import check_options, simulation_of
 from ncgen.solver.trajectories.output_values import uses_accelerations

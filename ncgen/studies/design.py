@@ -17,8 +17,8 @@ import numpy as np
 
 from ncgen.errors import ModelError, counted, one_of
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.given import count as whole
-from ncgen.solver.given import echo, finite, offer, positive
+from ncgen.solver.argument_checks import count as whole
+from ncgen.solver.argument_checks import echo, finite, offer, positive
 
 if TYPE_CHECKING:
     from scipy.stats.qmc import QMCEngine

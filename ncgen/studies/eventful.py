@@ -14,11 +14,11 @@ from ncgen.mechanism.kernel_batch import thread_count
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.properties import is_definite
 from ncgen.methods.table import AUTO
+from ncgen.solver.argument_checks import has_events
 from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.events.many_runs import ManyRuns, refusal_in_c
 from ncgen.solver.events.passage import check_events
 from ncgen.solver.formalisms.projection import least_energy
-from ncgen.solver.given import has_events
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.runs.choice import choose
 from ncgen.solver.runs.run import COMPILED, Run

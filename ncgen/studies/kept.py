@@ -21,7 +21,7 @@ from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.actions import Locking
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.given import Outline, known_name, names_of, offer
+from ncgen.solver.argument_checks import Outline, known_name, names_of, offer
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, LOCKS, RATCHETS, Happening
 from ncgen.studies.design import started
 from ncgen.studies.extremes import extremes

@@ -15,7 +15,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.files import argument_was, path_of, write_text, writing
-from ncgen.solver.given import echo, offer
+from ncgen.solver.argument_checks import echo, offer
 from ncgen.studies.indices import Indices, indices
 from ncgen.studies.study_folder import Folder
 from ncgen.studies.variants import Part

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
-from ncgen.solver.given import count as whole
-from ncgen.solver.given import echo
+from ncgen.solver.argument_checks import count as whole
+from ncgen.solver.argument_checks import echo
 from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.runs.progress_reports import check_progress
 from ncgen.studies import engines

@@ -19,7 +19,7 @@ from ncgen.compiler import compile
 from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
-from ncgen.solver.given import has_events, position
+from ncgen.solver.argument_checks import has_events, position
 from ncgen.solver.motions.batch import in_lanes, side_by_side
 from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.motions.states import CommonCoordinates, States, closed

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.model.elements import Relative
-from ncgen.solver.given import names_of
+from ncgen.solver.argument_checks import names_of
 
 if TYPE_CHECKING:
     from ncgen.model import Model

@@ -46,7 +46,7 @@ def test_a_model(fourbar):
         "5 of 19 coordinates free",
         "3 bodies",
         "1 degree of freedom",
-        "4 rows",
+        "4 constraints",
         "1000 distance B-C body coupler",
     ):
         assert fact in said
@@ -60,7 +60,7 @@ def test_kernels(fourbar, robot_numpy):
     assert jacobian[0].count("h1v1h-1z") == 2 + 2 + 4 + 3 and mass[0].count("h1v1h-1z") == fourbar.mass_pattern.nonzeros
     assert "fourbar kernels in numpy" in words(html) and "Φ_q 4 × 5, 11 nonzeros" in words(html)
     html = robot_numpy._repr_html_()
-    assert "row 16 (angle u3, r4-r5) follows from 6, 10, 12" in words(html)
+    assert "constraint 16 (angle u3, r4-r5) follows from 6, 10, 12" in words(html)
     (red,) = [path for path in parsed(html).iter(f"{SVG}path") if cards.spots.__globals__["RED"] in path.get("style", "")]
     assert {square.split()[1].partition("h")[0] for square in red.get("d").split("M")[1:]} == {"15"}
 
@@ -88,7 +88,7 @@ def test_a_model_on_its_way():
         step(other)
         said.append(words(shown._repr_html_()))
     assert "there is no point to draw" in said[0] and "0 degrees of freedom" in said[1] and "2 degrees of freedom" in said[2]
-    assert "no rows" in said[3] and "1 degree of freedom" in said[4]
+    assert "no constraints" in said[3] and "1 degree of freedom" in said[4]
     assert to_toml(shown) == to_toml(other)
 
 
@@ -100,7 +100,7 @@ def test_what_is_wrong_is_said():
     m.distance(A, B, 1.0)
     m.distance(B, D, 1.5)
     said = words(m._repr_html_())
-    assert "degrees of freedom: open: the mechanism does not close" in said and "2 rows" in said
+    assert "degrees of freedom: open: the mechanism does not close" in said and "2 constraints" in said
 
 
 @pytest.mark.parametrize("broken", ["freedom", "inspect", "spots", "sketch", "scene_of", "curves_of_motion"])

@@ -33,10 +33,10 @@ from ncgen.program.ir.cost import cost
 from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
 from ncgen.program.motions.output_programs import assemble_outputs
+from ncgen.solver.argument_checks import has_events, names_of_events
 from ncgen.solver.engines.acceleration_forms import own_positions
 from ncgen.solver.events.event_table import EventTable
 from ncgen.solver.events.held_mechanism import HeldMechanism, refusal_of_frictions, refusal_of_loads, refusal_of_shared, with_switches
-from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.name_lists import listed_names
 from ncgen.solver.positions.partition import determined

@@ -12,7 +12,7 @@ from ncgen.exchange.robots.passive import expressions, point_of
 from ncgen.model import Model
 from ncgen.model.bodies import BodyFrame
 from ncgen.model.elements import AXES, Combination
-from ncgen.solver.given import echo
+from ncgen.solver.argument_checks import echo
 from ncgen.solver.joints.link_frames import frame_named
 
 if TYPE_CHECKING:

@@ -11,11 +11,11 @@ import numpy as np
 
 from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.argument_checks import ArrayOrNamed, checked_kernels, finite, names_of, refuse_events
 from ncgen.solver.batch_rows import WITH_ROWS, has_rows, refuse_batch_options
 from ncgen.solver.derivatives.objective import check_objective, of_objective
 from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED, Gradient, gradient_one, instants, is_taped
 from ncgen.solver.derivatives.taped_batch import TapedBatch
-from ncgen.solver.given import Given, checked_kernels, finite, names_of, refuse_events
 from ncgen.solver.groups import MotionArguments, OneMotion, takes, without_unused
 from ncgen.solver.motions.batch import checked_threads
 from ncgen.solver.motions.states import States
@@ -186,9 +186,9 @@ def taped_batch(
     steps: int,
     integrator: str = "rk4",
     *,
-    q0: Given | None = None,
-    zd0: Given | None = None,
-    p: Given | None = None,
+    q0: ArrayOrNamed | None = None,
+    zd0: ArrayOrNamed | None = None,
+    p: ArrayOrNamed | None = None,
     t0: float = 0.0,
     z: str | Iterable[str] | None = None,
     threads: int | None = None,

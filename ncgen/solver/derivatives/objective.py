@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.solver.given import array_of, echo, numbers_of
+from ncgen.solver.argument_checks import array_of, echo, numbers_of
 
 
 def check_objective(objective: object) -> None:

@@ -18,11 +18,11 @@ from ncgen.mechanism.moving_breaks import Jump
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.table import INTEGRATORS
+from ncgen.solver.argument_checks import refuse_callbacks
 from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.derivatives.partitioned_stage import PartitionedStage
 from ncgen.solver.finite import watched
 from ncgen.solver.formalisms.coordinate_partitioning import StepStart
-from ncgen.solver.given import refuse_callbacks
 from ncgen.solver.positions.partition import determined, quality
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals

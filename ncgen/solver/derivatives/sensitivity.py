@@ -19,6 +19,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
 from ncgen.program.motions import step_equations
+from ncgen.solver.argument_checks import checked_kernels, echo, has_events, names_of, numbers_of, refuse_events, values_by_name
 from ncgen.solver.derivatives.event_motion import FINE, EventMotion, EventSensitivity
 from ncgen.solver.derivatives.objective import check_objective, filled, of_objective
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
@@ -26,7 +27,6 @@ from ncgen.solver.derivatives.stepped_motion import SteppedMotion
 from ncgen.solver.derivatives.taped_motion import NotTaped, TapedMotion
 from ncgen.solver.engines.acceleration_forms import has_emitted_recursion
 from ncgen.solver.engines.capabilities import checked_compiled
-from ncgen.solver.given import checked_kernels, echo, has_events, names_of, numbers_of, refuse_events, values_by_name
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate_steps
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial, count, positive, relative_tolerance

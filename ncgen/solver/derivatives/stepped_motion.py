@@ -24,10 +24,10 @@ from ncgen.mechanism.taped import Driven
 from ncgen.methods.method import Method
 from ncgen.methods.newmark import newmark
 from ncgen.program.motions.step_equations import INPUTS, INSTANTS, MIN_STEP, StepEquations, assemble_step, extra
+from ncgen.solver.argument_checks import refuse_callbacks
 from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import rate_slope
-from ncgen.solver.given import refuse_callbacks
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import determined, kinematics
 from ncgen.solver.positions.rank import REMEMBERED

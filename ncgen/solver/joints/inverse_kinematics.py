@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from ncgen.errors import ConvergenceError, ModelError, warn
 from ncgen.model.values import MAX_NUMBER
-from ncgen.solver import given
+from ncgen.solver import argument_checks
+from ncgen.solver.argument_checks import array_of, rotation_of
 from ncgen.solver.frames import transformation
-from ncgen.solver.given import array_of, rotation_of
 
 if TYPE_CHECKING:
     from ncgen.solver.joints.joint_kinematics import JointKinematics
@@ -102,9 +102,11 @@ def _aims_of_frames(space: JointKinematics, targets: Mapping[str, Target]) -> li
     """Raises ModelError for what is no frame, or no target of one."""
     aims = []
     for name, target in targets.items():
-        frame, label = space.frame(name), f"frame {given.echo(name)}"
+        frame, label = space.frame(name), f"frame {argument_checks.echo(name)}"
         if not (isinstance(target, (tuple, list)) and len(target) == 2 and any(half is not None for half in target)):
-            raise ModelError(f"{label}: give (rotation (3, 3), position (3,) in m), one of which may be None, and not {given.echo(target)}")
+            raise ModelError(
+                f"{label}: give (rotation (3, 3), position (3,) in m), one of which may be None, and not {argument_checks.echo(target)}"
+            )
         turn, position = target
         rotation = None if turn is None else rotation_of(turn, f"{label}: rotation")
         aims.append(Aim(frame, rotation, None if position is None else _target_position(position, f"{label}: position")))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import SingularError
 from ncgen.mechanism.program_functions import ProgramFunctions
-from ncgen.solver import given
+from ncgen.solver import argument_checks
 from ncgen.solver.joints import identification
 from ncgen.solver.joints.joint_kinematics import JointKinematics
 
@@ -121,7 +121,7 @@ class JointDynamics(JointKinematics):
     def _about(self, q: ArrayLike, about: ArrayLike | None) -> np.ndarray:
         """Momenta of the tree's rates about a point (…, -, 6)."""
         mass, first, matrix = self._momenta(q)
-        point = first / mass if about is None else given.array_of(about, (3,), "about")
+        point = first / mass if about is None else argument_checks.array_of(about, (3,), "about")
         linear = matrix[..., :3]
         return np.concatenate([linear, matrix[..., 3:] - np.cross(point[..., None, :], linear)], axis=-1)
 
@@ -216,7 +216,7 @@ class JointDynamics(JointKinematics):
         numpy.ndarray
             Forces (N, N m), shape (…, n).
         """
-        return self._functions("joint_loads", given.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.p)
+        return self._functions("joint_loads", argument_checks.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.p)
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
         """Compute the accelerations of the joints.
@@ -363,7 +363,7 @@ class JointDynamics(JointKinematics):
         a = self.forward_dynamics(q, v, forces, t)
         needed, applied = (
             self._slopes("joint_inverse_tangent", 0.0, q, v, a),
-            self._slopes("joint_loads_tangent", given.finite(t, "t"), q, v),
+            self._slopes("joint_loads_tangent", argument_checks.finite(t, "t"), q, v),
         )
         unit = np.broadcast_to(np.eye(self.n), needed[0].shape)
         solved = self._solved(q, np.concatenate([*(b - a for a, b in zip(needed, applied, strict=True)), unit], axis=-1))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ncgen.errors import ModelError
 from ncgen.files import argument_was
 from ncgen.model.elements import Point
-from ncgen.solver import given
+from ncgen.solver import argument_checks
 from ncgen.solver.frames import transformation
 from ncgen.solver.joints.joint_names import carried, refuse_thin
 from ncgen.solver.joints.joint_positions import JointPositions
@@ -168,7 +168,7 @@ class JointKinematics(JointPositions):
             Velocity of the point, and angular velocity of the body, for rate 1 of every joint, shape (…, 6, n).
         """
         if not (isinstance(frame, str) and frame in FRAMES):
-            raise ModelError(f"frame: {given.echo(frame)!r} is not one of {', '.join(FRAMES)}")
+            raise ModelError(f"frame: {argument_checks.echo(frame)!r} is not one of {', '.join(FRAMES)}")
         q, element, link = self._array(q), self.point(point), self.link(point, body)
         path = self.tree.paths[link]
         screws, spread = self.screws(q)[..., path, :], self._spread(q)[0][..., path, :]

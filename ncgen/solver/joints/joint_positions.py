@@ -18,7 +18,7 @@ from ncgen.model.elements import Component, Point, Spatial
 from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_programs import Made
-from ncgen.solver import geometry, given
+from ncgen.solver import argument_checks, geometry
 from ncgen.symbolic.tree import Tree, moving
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class JointPositions(ABC):
     def __repr__(self) -> str:
         return f"<JointSpace {self.kernels.name}: {self.n} rates>"
 
-    def at(self, p: given.Given) -> Self:
+    def at(self, p: argument_checks.ArrayOrNamed) -> Self:
         """Return the same joint space at other parameters, without compiling anything.
 
         Parameters
@@ -74,7 +74,7 @@ class JointPositions(ABC):
             For an unknown parameter, and for a value that the model rejects, such as a negative mass.
         """
         copied = copy.copy(self)
-        copied.p = given.parameters(self.kernels, p)
+        copied.p = argument_checks.parameters(self.kernels, p)
         return copied
 
     def position(self, values: Mapping[str, float] | None = None, base: tuple[ArrayLike, ArrayLike] | None = None) -> np.ndarray:
@@ -106,8 +106,10 @@ class JointPositions(ABC):
         if base is None:
             return q
         if not (isinstance(base, (tuple, list)) and len(base) == 2):
-            raise ModelError(f"base: {given.echo(base)} given; give (rotation (3, 3), translation (3,) in m)")
-        return self._displaced(q, given.rotation_of(base[0], "base: rotation"), given.array_of(base[1], (3,), "base: translation"))
+            raise ModelError(f"base: {argument_checks.echo(base)} given; give (rotation (3, 3), translation (3,) in m)")
+        return self._displaced(
+            q, argument_checks.rotation_of(base[0], "base: rotation"), argument_checks.array_of(base[1], (3,), "base: translation")
+        )
 
     @abstractmethod
     def placed(self, x: np.ndarray) -> np.ndarray:
@@ -127,7 +129,7 @@ class JointPositions(ABC):
     def _joint_values(self, values: Mapping[str, float] | None, label: str) -> np.ndarray:
         """Values of all joints (n,): those given by name, else the initial ones."""
         joint_values = self.values(self.kernels.start(self.p))
-        for name, value in given.numbers_by_name({} if values is None else values, self.rates, label, "joint").items():
+        for name, value in argument_checks.numbers_by_name({} if values is None else values, self.rates, label, "joint").items():
             joint_values[self.rates.index(name)] = value
         return joint_values
 
@@ -217,7 +219,7 @@ class JointPositions(ABC):
         return np.zeros(self.n) if values is None else self._checked(values, self.n, name, "rates")
 
     def _checked(self, values: ArrayLike, count: int, name: str, noun: str) -> np.ndarray:
-        array = given.numbers_of(values, name)
+        array = argument_checks.numbers_of(values, name)
         if array.shape[-1:] != (count,):
             raise ModelError(f"{name}: its shape is {array.shape}, and {self.kernels.name} has {count} {noun}; give (…, {count})")
         return array
@@ -272,7 +274,7 @@ class JointPositions(ABC):
         element_named = self.kernels.model.elements.get(name) if isinstance(name, str) else None
         if not isinstance(element_named, Point):
             points = [e.name for e in self.kernels.model.elements.values() if isinstance(e, Point)]
-            raise ModelError(f"point: there is no {given.echo(name)}; {given.offer(name, points, 'the points are')}")
+            raise ModelError(f"point: there is no {argument_checks.echo(name)}; {argument_checks.offer(name, points, 'the points are')}")
         return element_named
 
     def link(self, point: str, body: str | None) -> int:
@@ -292,7 +294,7 @@ class JointPositions(ABC):
         """
         element = self.point(point)
         if not isinstance(body, str | None):
-            raise ModelError(f"body: {given.echo(body)} is no name; give that of a body")
+            raise ModelError(f"body: {argument_checks.echo(body)} is no name; give that of a body")
         for number, link in enumerate(self.tree.links):
             if element in link.body.elements and body in (None, link.body.name):
                 return number

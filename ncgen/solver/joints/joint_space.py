@@ -19,7 +19,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_programs import Made, assemble_joint_space
-from ncgen.solver import given
+from ncgen.solver import argument_checks
 from ncgen.solver.joints.joint_dynamics import JointDynamics
 from ncgen.solver.joints.joint_names import followed_by, names_of
 from ncgen.symbolic.tree import Tree, spanning_tree
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     pass
 
 
-def joint_space(kernels: Kernels, p: given.Given | None = None) -> JointSpace:
+def joint_space(kernels: Kernels, p: argument_checks.ArrayOrNamed | None = None) -> JointSpace:
     """Make the joint space of a mechanism: mass matrix, inverse and forward dynamics, and Jacobians in joint coordinates.
 
     It is made once for every kernels object.
@@ -50,7 +50,7 @@ def joint_space(kernels: Kernels, p: given.Given | None = None) -> JointSpace:
     ModelError
         Where a body has no rotational inertia that a tree needs, or no tree of bodies moves as the constraints allow.
     """
-    space = given.checked_kernels(kernels).remember("joint space", (), lambda: _made(kernels))
+    space = argument_checks.checked_kernels(kernels).remember("joint space", (), lambda: _made(kernels))
     return space if p is None else space.at(p)
 
 

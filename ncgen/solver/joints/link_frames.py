@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
-from ncgen.solver import given
+from ncgen.solver import argument_checks
 from ncgen.solver.frames import transformation
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ def frame_named(model: Model, name: str) -> BodyFrame:
     if isinstance(name, str) and name in model.frames:
         return model.frames[name]
     inner = [each for each in model.frames if isinstance(name, str) and each.endswith(f":{name}")]
-    known = f"say {' or '.join(inner)}" if inner else given.offer(name, list(model.frames), "known:")
-    raise ModelError(f"{model.name} has no frame {given.echo(name)}; {known}")
+    known = f"say {' or '.join(inner)}" if inner else argument_checks.offer(name, list(model.frames), "known:")
+    raise ModelError(f"{model.name} has no frame {argument_checks.echo(name)}; {known}")
 
 
 class LinkFrame:
@@ -119,5 +119,5 @@ class LinkFrame:
     @staticmethod
     def _checked(reference: Reference) -> Reference:
         if reference not in REFERENCES:
-            raise ModelError(f"reference: {given.echo(reference)} is not one of {', '.join(REFERENCES)}")
+            raise ModelError(f"reference: {argument_checks.echo(reference)} is not one of {', '.join(REFERENCES)}")
         return reference

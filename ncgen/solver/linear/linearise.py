@@ -18,6 +18,7 @@ from ncgen.errors import ModelError, counted, warn
 from ncgen.files import argument_was, path_of, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
+from ncgen.solver.argument_checks import checked_kernels, known_name, refuse_callbacks, refuse_sticking, several
 from ncgen.solver.finite import watched
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import (
@@ -27,7 +28,6 @@ from ncgen.solver.formalisms.dynamics_jacobian import (
     multiplier_changes,
     partitioned_jacobian,
 )
-from ncgen.solver.given import checked_kernels, known_name, refuse_callbacks, refuse_sticking, several
 from ncgen.solver.groups import StartArguments, takes
 from ncgen.solver.linear.poles import Pole, poles_of, response_of, zeros_of
 from ncgen.solver.linear.steady import drift

@@ -8,9 +8,9 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, counted, one_of
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver import given
+from ncgen.solver import argument_checks
+from ncgen.solver.argument_checks import ArrayOrNamed, refuse_sticking
 from ncgen.solver.finite import watched
-from ncgen.solver.given import Given, refuse_sticking
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.position import solve_position
 from ncgen.solver.positions.rank import null_space, scaled_jacobian
@@ -56,7 +56,9 @@ class Equilibrium:
         return bool(np.all(self.stiffnesses > NEUTRAL * largest))
 
 
-def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given | None = None, kind: str = "stable") -> Equilibrium:
+def equilibrium(
+    kernels: Kernels, q: ArrayOrNamed | None = None, t: float = 0.0, p: ArrayOrNamed | None = None, kind: str = "stable"
+) -> Equilibrium:
     """Find an equilibrium near a position.
 
     Parameters
@@ -85,7 +87,7 @@ def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Giv
     ModelError
         For rolling constraints, dry friction, locks and ratchets, and for invalid arguments.
     """
-    p = given.parameters(kernels, p)
+    p = argument_checks.parameters(kernels, p)
     one_of(kind, "kind", KINDS)
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: an equilibrium with rolling conditions is one of many; hold the position instead")

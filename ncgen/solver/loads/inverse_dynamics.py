@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, SingularError, counted, warn
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.given import echo, listed_names, names_of, offer
+from ncgen.solver.argument_checks import echo, listed_names, names_of, offer
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import choose_partition, kinematics
 from ncgen.solver.positions.rank import freedom, freedom_at

@@ -17,7 +17,7 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.model.elements import Element, Point, Vector
 from ncgen.solver import geometry
-from ncgen.solver.given import finite, offer
+from ncgen.solver.argument_checks import finite, offer
 from ncgen.solver.loads.between import RowLoad, loads_between, row_loads
 from ncgen.solver.loads.sharing import Share, find_shared, kernels_of
 from ncgen.solver.loads.teeth import ToothMesh, meshes

@@ -22,7 +22,7 @@ from ncgen.model.elements import AXES, Point, Vector
 from ncgen.model.rows import Owner
 from ncgen.program.assemble import assemble
 from ncgen.solver import geometry
-from ncgen.solver.given import listed_names
+from ncgen.solver.argument_checks import listed_names
 from ncgen.solver.positions.rank import RELATIVE_ZERO, null_space, scaled_jacobian, sparse_jacobian
 from ncgen.symbolic.equations import Equations, build_equations
 

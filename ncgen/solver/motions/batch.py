@@ -17,8 +17,8 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.model.argument_readers import truth
+from ncgen.solver.argument_checks import ArrayOrNamed, checked_kernels, finite, has_events, names_of
 from ncgen.solver.engines.compiled import GROWTH
-from ncgen.solver.given import Given, checked_kernels, finite, has_events, names_of
 from ncgen.solver.groups import MotionArguments, StartArguments
 from ncgen.solver.motions.event_batches import INTERRUPTED, not_begun, status_of, through_events
 from ncgen.solver.motions.simulate import simulate_one
@@ -122,8 +122,8 @@ class BatchAccelerations:
 
 def accelerations_batch(
     kernels: Kernels,
-    q: Given,
-    zd: Given,
+    q: ArrayOrNamed,
+    zd: ArrayOrNamed,
     *,
     velocities: bool = False,
     threads: int | None = 1,

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.argument_checks import ArrayOrNamed, checked_kernels, count
 from ncgen.solver.batch_rows import WITH_ROWS, has_rows, refuse_batch_options, states_of
-from ncgen.solver.given import Given, checked_kernels, count
 from ncgen.solver.groups import MotionArguments, OneMotion, OneStart, OneState, StartArguments, takes, without_unused
 from ncgen.solver.runs.progress_reports import ProgressOption
 
@@ -195,8 +195,8 @@ def accelerations(
 @overload
 def accelerations(
     kernels: Kernels,
-    q: Given,
-    zd: Given,
+    q: ArrayOrNamed,
+    zd: ArrayOrNamed,
     *,
     velocities: bool = False,
     threads: int | None = 1,
@@ -206,8 +206,8 @@ def accelerations(
 @takes(StartArguments, unused=("q0", "zd0", "qd0", "closing"), former={"t": "t0"})
 def accelerations(
     kernels: Kernels,
-    q: Given,
-    zd: Given,
+    q: ArrayOrNamed,
+    zd: ArrayOrNamed,
     *,
     velocities: bool = False,
     threads: int | None = 1,
@@ -258,6 +258,6 @@ def accelerations(
     return StateAccelerations(batch.q[0], None if batch.qd is None else batch.qd[0], batch.zdd[0], batch.independent)
 
 
-def _one_row(q: Given) -> Given:
+def _one_row(q: ArrayOrNamed) -> ArrayOrNamed:
     """Return one state as a batch of one."""
     return {name: [value] for name, value in q.items()} if isinstance(q, Mapping) else [q]  # type: ignore[list-item]

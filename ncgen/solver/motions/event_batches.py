@@ -10,7 +10,7 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.solver.given import has_events
+from ncgen.solver.argument_checks import has_events
 from ncgen.solver.motions.states import States
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.choice import choose

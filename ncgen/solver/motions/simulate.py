@@ -15,9 +15,9 @@ from ncgen.mechanism.break_times import break_times, outside_breaks
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
+from ncgen.solver.argument_checks import checked_kernels, has_events
 from ncgen.solver.engines import acceleration_forms, capabilities, compiled
 from ncgen.solver.events.passage import Passage, check_events
-from ncgen.solver.given import checked_kernels, has_events
 from ncgen.solver.groups import MotionArguments
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead

@@ -17,10 +17,10 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import coordinate_of
+from ncgen.solver.argument_checks import array_of, checked_kernels, echo, finite, has_events, known_name, positive
 from ncgen.solver.engines import capabilities
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse
-from ncgen.solver.given import array_of, checked_kernels, echo, finite, has_events, known_name, positive
 from ncgen.solver.groups import MotionArguments
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.motions.simulation_states import SimulationState

@@ -22,9 +22,9 @@ from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.model.elements import coordinate_of
+from ncgen.solver.argument_checks import array_of, checked_kernels, count, echo, has_events, known_name, positive
 from ncgen.solver.engines.capabilities import checked_compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import array_of, checked_kernels, count, echo, has_events, known_name, positive
 from ncgen.solver.groups import MotionArguments
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.motions.simulation_states import SimulationStates

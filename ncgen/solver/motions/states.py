@@ -15,11 +15,11 @@ from ncgen.errors import DomainError, ModelError, NcgenError, SingularError, war
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
+from ncgen.solver.argument_checks import ArrayOrNamed, known_name
 from ncgen.solver.batch_rows import common_size
 from ncgen.solver.engines.capabilities import checked_compiled, refusal, refusal_of_size
 from ncgen.solver.engines.partition_dynamics import dynamics
 from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
-from ncgen.solver.given import Given, known_name
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import Partitions, partitions_for
@@ -111,12 +111,12 @@ class States:
         choice: CommonCoordinates | None = None,
         assembled: bool = False,
         *,
-        q0: Given | None,
-        zd0: Given | None,
-        p: Given | None,
+        q0: ArrayOrNamed | None,
+        zd0: ArrayOrNamed | None,
+        p: ArrayOrNamed | None,
         t0: float,
         z: tuple[str, ...] = (),
-        qd0: Given | None = None,
+        qd0: ArrayOrNamed | None = None,
     ) -> States:
         """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
 
@@ -164,7 +164,7 @@ def those_in_lanes() -> str:
     return ", ".join(name for name, entry in INTEGRATORS.items() if entry.in_lanes)
 
 
-def _given(kernels: Kernels, label: str, argument: Given | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
+def _given(kernels: Kernels, label: str, argument: ArrayOrNamed | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
     """Rows, one row for all, or {name: number, or one a state} in place of the defaults, as an array.
 
     Raises ModelError for other things.

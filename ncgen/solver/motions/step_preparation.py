@@ -12,9 +12,9 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
+from ncgen.solver.argument_checks import echo, offer, positive, values_by_name
 from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.formalisms.impulse import cross
-from ncgen.solver.given import echo, offer, positive, values_by_name
 from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.rank import rank_at

@@ -13,9 +13,9 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver import given
+from ncgen.solver import argument_checks
+from ncgen.solver.argument_checks import ArrayOrNamed
 from ncgen.solver.finite import is_finite, watched
-from ncgen.solver.given import Given
 from ncgen.solver.groups import CONSISTENT_RESIDUAL
 from ncgen.solver.positions.position import TOLERANCE, check_finite, residual
 from ncgen.solver.positions.sparse_rows import DENSE, least_damped, scaled
@@ -33,9 +33,9 @@ MAX_NAMED_ROWS = 4
 
 def assemble(
     kernels: Kernels,
-    q: Given | None = None,
+    q: ArrayOrNamed | None = None,
     t: float = 0.0,
-    p: Given | None = None,
+    p: ArrayOrNamed | None = None,
     weights: Mapping[str, float] | None = None,
     tolerance: float = CONSISTENT_RESIDUAL,
 ) -> np.ndarray:
@@ -71,11 +71,11 @@ def assemble(
     ModelError
         For invalid arguments.
     """
-    p, tolerance = given.parameters(kernels, p), given.closing(tolerance)
-    q, t = given.position(kernels, q, p), given.finite(t, "t")
-    dearer = given.numbers_by_name(weights or {}, kernels.index, "weights")
+    p, tolerance = argument_checks.parameters(kernels, p), argument_checks.closing(tolerance)
+    q, t = argument_checks.position(kernels, q, p), argument_checks.finite(t, "t")
+    dearer = argument_checks.numbers_by_name(weights or {}, kernels.index, "weights")
     for name, weight in dearer.items():
-        given.positive(weight, f"weights: {name}")
+        argument_checks.positive(weight, f"weights: {name}")
     if residual(kernels, q, t, p) <= min(tolerance, CONSISTENT_RESIDUAL):
         return q
     sizes = kernels.column_sizes / np.array([dearer.get(name, 1.0) for name in kernels.coordinates])

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, DeadCentreError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver import given
-from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver import argument_checks
+from ncgen.solver.argument_checks import ArrayOrNamed, checked_kernels
 from ncgen.solver.groups import StartArguments, takes
 from ncgen.solver.positions.dead_centres import approached, is_dead_centre
 from ncgen.solver.positions.position import EASY, TOLERANCE, check_finite, check_mirror_roots, solve_position
@@ -61,12 +61,12 @@ class DrivenPositions:
             raise SingularError(f"{kernels.name}: {at} is singular and has no derivative; leave that instant out")
         return -np.linalg.solve(by_q, by_p)
 
-    def foreseen(self, p: Given) -> np.ndarray:
+    def foreseen(self, p: ArrayOrNamed) -> np.ndarray:
         """The positions with other parameters to first order, (K, n): what those are near, as far as derivatives tell.
 
         p: numbers (n_p,) or {name: number}. Raises ModelError for what is not one, and as `q_by` does.
         """
-        return self.q + self.q_by @ (given.parameters(self.kernels, p) - self.p)
+        return self.q + self.q_by @ (argument_checks.parameters(self.kernels, p) - self.p)
 
 
 @takes(StartArguments, unused=("zd0", "qd0", "z", "t0", "closing"), former={"near": "q0"})
@@ -100,21 +100,21 @@ def driven_positions(kernels: Kernels, t: ArrayLike, **arguments: Unpack[StartAr
     """
     near, p = arguments.get("q0"), arguments.get("p")
     checked_kernels(kernels)
-    t, p = given.several(t, "t"), given.parameters(kernels, p)
+    t, p = argument_checks.several(t, "t"), argument_checks.parameters(kernels, p)
     from ncgen.solver.runs.signals import signals_of
 
     if signals_of(kernels, arguments.get("inputs"), p):
         raise ModelError("inputs: driven_positions needs numbers; let a driver's law depend on the time instead")
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: what rolls has positions that depend on its way, not on the time alone; take ncgen.simulate")
-    given_near = None if near is None or isinstance(near, Mapping) else given.numbers_of(near, "q0")
+    given_near = None if near is None or isinstance(near, Mapping) else argument_checks.numbers_of(near, "q0")
     rows = None if given_near is None or given_near.ndim < 2 else given_near
     if rows is not None and rows.shape != (len(t), kernels.n):
         raise ModelError(f"{kernels.name}: q0 has shape {rows.shape}; it must be ({kernels.n},) or ({len(t)}, {kernels.n})")
     if not len(t):
         return DrivenPositions(kernels=kernels, t=t, p=p, q=np.empty((0, kernels.n)), rows=())
     motion = _Followed(kernels, p, tuple(range(kernels.m)) if kernels.m == kernels.n else ())
-    q = [motion.begun(given.position(kernels, near if rows is None else rows[0], p, "q0"), float(t[0]))]
+    q = [motion.begun(argument_checks.position(kernels, near if rows is None else rows[0], p, "q0"), float(t[0]))]
     if rows is None:
         for before, now in pairwise(t.tolist()):
             try:

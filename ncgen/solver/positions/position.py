@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, DeadCentreError, ModelError, counted
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver import given
+from ncgen.solver import argument_checks
+from ncgen.solver.argument_checks import ArrayOrNamed
 from ncgen.solver.finite import check_instant, is_finite, watched
 from ncgen.solver.geometry import angles, measured_angles
-from ncgen.solver.given import Given
 from ncgen.solver.positions.dead_centres import approached, is_dead_centre
 from ncgen.solver.positions.sparse_rows import DENSE, least_step, scaled
 
@@ -50,9 +50,9 @@ def residual(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | No
 
 def solve_position(
     kernels: Kernels,
-    q: Given | None = None,
+    q: ArrayOrNamed | None = None,
     t: float = 0.0,
-    p: Given | None = None,
+    p: ArrayOrNamed | None = None,
     held: str | Iterable[str] | None = (),
     tolerance: float = TOLERANCE,
     limit: int = LIMIT,
@@ -92,10 +92,10 @@ def solve_position(
     ModelError
         For invalid arguments.
     """
-    p = given.parameters(kernels, p)
-    q, t = given.position(kernels, q, p), given.finite(t, "t")
-    tolerance, limit = given.positive(tolerance, "tolerance"), given.count(limit, "limit")
-    names = given.names_of(held, "held", kernels.index)
+    p = argument_checks.parameters(kernels, p)
+    q, t = argument_checks.position(kernels, q, p), argument_checks.finite(t, "t")
+    tolerance, limit = argument_checks.positive(tolerance, "tolerance"), argument_checks.count(limit, "limit")
+    names = argument_checks.names_of(held, "held", kernels.index)
     free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in names], dtype=int)
     return newton_position(kernels, q, t, p, free, tolerance, limit)
 
@@ -178,7 +178,9 @@ def check_finite(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray 
     check_instant(kernels, q, None, t, p)
 
 
-def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float = 0.0, p: Given | None = None, steps: int = 1) -> Position:
+def move(
+    kernels: Kernels, q: ArrayOrNamed | None, targets: dict[str, float], t: float = 0.0, p: ArrayOrNamed | None = None, steps: int = 1
+) -> Position:
     """Move coordinates to given values; the other coordinates follow and stay on their branch.
 
     Parameters
@@ -210,12 +212,12 @@ def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float 
     ModelError
         For invalid arguments.
     """
-    p = given.parameters(kernels, p)
-    q, t = given.position(kernels, q, p), given.finite(t, "t")
-    end = given.numbers_by_name(targets, kernels.index, "targets")
-    names, steps = list(end), given.count(steps, "steps")
+    p = argument_checks.parameters(kernels, p)
+    q, t = argument_checks.position(kernels, q, p), argument_checks.finite(t, "t")
+    end = argument_checks.numbers_by_name(targets, kernels.index, "targets")
+    names, steps = list(end), argument_checks.count(steps, "steps")
     if steps > MOST_STEPS:
-        raise ModelError(f"steps: {given.echo(steps)} given; {MOST_STEPS} are the most")
+        raise ModelError(f"steps: {argument_checks.echo(steps)} given; {MOST_STEPS} are the most")
     where = [kernels.index[name] for name in names]
     start, end = q[where], np.array(list(end.values()))
     done, step = 0.0, 1.0 / steps
@@ -259,7 +261,12 @@ def _stopped(
 
 
 def sweep(
-    kernels: Kernels, name: str, values: ArrayLike | Iterator[float], q: Given | None = None, t: float = 0.0, p: Given | None = None
+    kernels: Kernels,
+    name: str,
+    values: ArrayLike | Iterator[float],
+    q: ArrayOrNamed | None = None,
+    t: float = 0.0,
+    p: ArrayOrNamed | None = None,
 ) -> np.ndarray:
     """Compute positions while one coordinate takes given values, each started from the one before.
 
@@ -292,10 +299,10 @@ def sweep(
     ModelError
         For invalid arguments.
     """
-    p = given.parameters(kernels, p)
-    position, path = given.position(kernels, q, p), []
-    given.known_name(name, kernels.index, "name")
-    for value in given.several(values, "values"):
+    p = argument_checks.parameters(kernels, p)
+    position, path = argument_checks.position(kernels, q, p), []
+    argument_checks.known_name(name, kernels.index, "name")
+    for value in argument_checks.several(values, "values"):
         try:
             position = move(kernels, position, {name: value}, t, p).q
         except ConvergenceError as error:

@@ -17,8 +17,8 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.recall import derived
 from ncgen.program.algebra.pivoting import column_order
-from ncgen.solver import given
-from ncgen.solver.given import Given
+from ncgen.solver import argument_checks
+from ncgen.solver.argument_checks import ArrayOrNamed
 from ncgen.solver.positions.open_tree import is_open_tree, open_tree
 from ncgen.solver.positions.position import TOLERANCE, check_finite, solve_position
 from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
@@ -149,7 +149,7 @@ class Freedom:
         return self.rank_here < self.rank
 
 
-def freedom(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given | None = None) -> Freedom:
+def freedom(kernels: Kernels, q: ArrayOrNamed | None = None, t: float = 0.0, p: ArrayOrNamed | None = None) -> Freedom:
     """Find degrees of freedom, redundant constraints and singularity of a position.
 
     Parameters
@@ -173,8 +173,8 @@ def freedom(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given |
     ModelError
         For invalid arguments.
     """
-    p = given.parameters(kernels, p)
-    return freedom_at(kernels, given.position(kernels, q, p), given.finite(t, "t"), p)
+    p = argument_checks.parameters(kernels, p)
+    return freedom_at(kernels, argument_checks.position(kernels, q, p), argument_checks.finite(t, "t"), p)
 
 
 def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TypeAlias
 
 from ncgen.errors import ModelError
-from ncgen.solver.given import echo
+from ncgen.solver.argument_checks import echo
 
 ProgressOption: TypeAlias = "Callable[[float], None] | bool | None"
 """In signatures: a function, True for a bar in a terminal or a notebook, None or False for nobody."""

@@ -34,10 +34,10 @@ from ncgen.methods.table import (
 )
 from ncgen.model import Model
 from ncgen.model.elements import Component
-from ncgen.solver import given
-from ncgen.solver.given import (
+from ncgen.solver import argument_checks
+from ncgen.solver.argument_checks import (
     ECHOED,
-    Given,
+    ArrayOrNamed,
     Outline,
     checked_kernels,
     finite,
@@ -106,11 +106,11 @@ class Initial:
         cls,
         subject: Kernels | Model,
         *,
-        q0: Given | None = None,
-        zd0: Given | None = None,
-        qd0: Given | None = None,
+        q0: ArrayOrNamed | None = None,
+        zd0: ArrayOrNamed | None = None,
+        qd0: ArrayOrNamed | None = None,
         z: str | Iterable[str] | None = None,
-        p: Given | None = None,
+        p: ArrayOrNamed | None = None,
         t0: float = 0.0,
         closing: float = CONSISTENT_RESIDUAL,
     ) -> Initial:
@@ -126,7 +126,7 @@ class Initial:
             z=names_of(z, "z", known.coordinates),
             zd=_rates(known, zd0, "zd0", whole=False),
             qd=_rates(known, qd0, "qd0", whole=True),
-            closing=given.closing(closing),
+            closing=argument_checks.closing(closing),
         )
 
 
@@ -341,7 +341,7 @@ def _instants(times: np.ndarray, start: float, end: float, shortest: float) -> n
     return times
 
 
-def _rates(subject: Outline, velocities: Given | None, name: str, whole: bool) -> dict[str, float] | np.ndarray | None:
+def _rates(subject: Outline, velocities: ArrayOrNamed | None, name: str, whole: bool) -> dict[str, float] | np.ndarray | None:
     """Rates by name or as an array, or None; whole: an array has one number a free coordinate."""
     if velocities is None:
         return None

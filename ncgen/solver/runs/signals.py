@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import DomainError, ModelError, counted, unknown_word
 from ncgen.mechanism.driving import Function, InputPieces
-from ncgen.solver.given import Outline, echo, finite, known_name, several
+from ncgen.solver.argument_checks import Outline, echo, finite, known_name, several
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
 

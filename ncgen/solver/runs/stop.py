@@ -13,7 +13,7 @@ from ncgen.errors import ModelError, one_of, shown
 from ncgen.mechanism.conditions_in_c import Conditions
 from ncgen.methods.table import is_real
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.given import Outline
+from ncgen.solver.argument_checks import Outline
 from ncgen.solver.runs.crossing import SAMPLES, first_crossing
 
 State = TypeVar("State", bound=tuple[Any, ...])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.solver.given import listed_names
+from ncgen.solver.argument_checks import listed_names
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError, SingularError, counted
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.given import names_of
+from ncgen.solver.argument_checks import names_of
 from ncgen.solver.positions.partition import Partition, choose_partition, quality
 from ncgen.solver.positions.position import residual
 from ncgen.solver.positions.rank import best_rows, freedom, scaled_jacobian

@@ -11,7 +11,7 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.model.elements import Element, Point, Vector
 from ncgen.solver import frames, geometry
-from ncgen.solver.given import echo, offer
+from ncgen.solver.argument_checks import echo, offer
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.position import residual
 from ncgen.solver.trajectories.energy import drift, energies

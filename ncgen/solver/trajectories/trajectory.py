@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.files import argument_was, path_of, write_bytes, write_text
 from ncgen.model.elements import Point, Vector, coordinate_of
-from ncgen.solver.given import echo, offer
+from ncgen.solver.argument_checks import echo, offer
 from ncgen.solver.trajectories.motion_quantities import MotionQuantities
 from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations, uses_loads
 

@@ -7,7 +7,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import ModelError
-from ncgen.solver.given import names_of, parameters, position
+from ncgen.solver.argument_checks import names_of, parameters, position
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
-"""What the caller gives, as arrays and tuples of names, or one sentence that says what is wrong with it.
+"""Checks of arguments: positions, parameters and names as arrays and tuples, or one sentence that says what is wrong.
 
-Every door of the solver takes positions, parameters and names in the same ways, because it takes them through here.
+All public functions of the solver take them in the same ways, because all use these checks.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ncgen.model import Model
 from ncgen.solver.name_lists import listed_names, offer
 from ncgen.solver.parameter_checks import check_parameters
 
-Given: TypeAlias = "ArrayLike | Mapping[str, ArrayLike]"
+ArrayOrNamed: TypeAlias = "ArrayLike | Mapping[str, ArrayLike]"
 """In signatures: numbers in their order, or some of them by name; of a batch rows of numbers, or by name a number or one a state."""
 
 
@@ -75,7 +75,7 @@ def checked_kernels(kernels: Mechanism) -> Mechanism:
     return kernels
 
 
-def parameters(kernels: Outline, p: Given | None = None) -> np.ndarray:
+def parameters(kernels: Outline, p: ArrayOrNamed | None = None) -> np.ndarray:
     """Parameters as an array of one's own, shape (n_p,).
 
     p: None for the defaults, numbers in the order of `kernels.parameters`, or {name: number}; those not named keep their defaults
@@ -89,7 +89,7 @@ def parameters(kernels: Outline, p: Given | None = None) -> np.ndarray:
     return array
 
 
-def position(kernels: Outline, q: Given | None = None, p: ArrayLike | None = None, label: str = "q") -> np.ndarray:
+def position(kernels: Outline, q: ArrayOrNamed | None = None, p: ArrayLike | None = None, label: str = "q") -> np.ndarray:
     """A position, closed or not, as an array of one's own, shape (n,) in m and rad.
 
     q: None for the initial one at the parameters p (n_p,), numbers in the order of `kernels.coordinates`, or {name: number};
@@ -226,7 +226,7 @@ def numbers_by_name(argument: Mapping[str, Any], known: Collection[str], label: 
     return {known_name(name, known, label, kind): finite(value, f"{label}: {name}") for name, value in argument.items()}
 
 
-def _numbers(names: tuple[str, ...], defaults: np.ndarray, argument: Given | None, label: str, kind: str) -> np.ndarray:
+def _numbers(names: tuple[str, ...], defaults: np.ndarray, argument: ArrayOrNamed | None, label: str, kind: str) -> np.ndarray:
     """One number a name: the defaults, those given by name in their place, or all in the order of the names."""
     if argument is None:
         return np.array(defaults, dtype=float)
