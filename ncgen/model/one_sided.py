@@ -203,10 +203,42 @@ class OneSided(Events):
             The event at which it becomes taut.
         """
         where = name or f"rope.{start.name}.{end.name}"
-        self._require_sign(where, ">", length=length)
+        gap = -self._excess(where, start, end, length)
         self._check_restitution(where, restitution)
+        return self._hit(where, gap, restitution, check_order(order, where))
+
+    @fact
+    def strut(self, start: Point, end: Point, length: Value, restitution: Value = 0.0, order: str = "", name: str = "") -> Event:
+        """Add a strut between two points, which only pushes: pressed it is a constraint, until it would pull.
+
+        Parameters
+        ----------
+        start, end : Point
+            Its ends.
+        length : float or expression of parameters
+            Length in m, below which the points do not come.
+        restitution : float or expression of parameters
+            Factor e of the impact where the points come to this distance, u⁺ = −e u⁻.
+        order : str, optional
+            Law of several impacts at one instant, as of `ncgen.impact`.
+        name : str, optional
+            Name of its event. Default: strut with both points.
+
+        Returns
+        -------
+        Event
+            The event at which it begins to push.
+        """
+        where = name or f"strut.{start.name}.{end.name}"
+        gap = self._excess(where, start, end, length)
+        self._check_restitution(where, restitution)
+        return self._hit(where, gap, restitution, check_order(order, where))
+
+    def _excess(self, where: str, start: Point, end: Point, length: Value) -> Scalar:
+        """By how much the square of the distance of two points exceeds that of a length (m²)."""
+        self._require_sign(where, ">", length=length)
         square = sum((as_sympy(b) - as_sympy(a)) ** 2 for a, b in zip(start.components, end.components, strict=True))
-        return self._hit(where, as_sympy(length) ** 2 - square, restitution, check_order(order, where))
+        return square - as_sympy(length) ** 2
 
     def _law_of_stops(self, where: str, restitution: Value, stiffness: Value | None, damping: Value, exponent: Number, order: str) -> _Law:
         """What stops do. Raises ModelError for numbers and words that are not theirs."""

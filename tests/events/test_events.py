@@ -288,6 +288,7 @@ def test_runs_that_cannot_have_events(dropped, options):
         (lambda m, x: m.friction(x, 2.0, static=1.0), "x.friction: static is 1, less than coulomb, 2; give at least as much"),
         (lambda m, x: m.friction(x, 2.0, stribeck=0.0), "x.friction: stribeck is 0; give a number above 0"),
         (lambda m, x: m.rope(m.elements["O"], m.elements["P"], -1.0), "rope.O.P: length is -1; give a number above 0"),
+        (lambda m, x: m.strut(m.elements["O"], m.elements["P"], -1.0), "strut.O.P: length is -1; give a number above 0"),
         (lambda m, x: m.rope(m.elements["O"], m.elements["P"], 2.0, 3.0), "rope.O.P: restitution 3; give a number from 0 to 1"),
         (lambda m, x: m.event("e", x, do=[]), "event e, do: [] holds no action; leave it out where the event is only recorded"),
     ],

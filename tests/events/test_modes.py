@@ -206,3 +206,18 @@ def test_friction_and_a_stop_hold_one_coordinate(coulomb):
     assert run["s"][-1] == pytest.approx(1.0, abs=1e-12) and run["rate(s)"][-1] == pytest.approx(0.0, abs=1e-12)
     rests = [each for each in run.events if each.transition == "rests"][-1]
     assert rests.name == "s.stop.upper" and run.events[-1].t == rests.t
+
+
+def test_a_strut_pushes_until_it_would_pull():
+    """A mass that leaves the top of a circle with 1 m/s is no longer pushed where cos θ = (2 + v²/(g L))/3; then it flies freely."""
+    m = ncgen.Model("strut")
+    O, P = m.point("O", (0, 0), fixed=True), m.point("P", (0, 1))
+    m.body("mass", [P], mass=2.0)
+    m.gravity((0, -9.81))
+    m.strut(O, P, 1.0, name="strut")
+    run = ncgen.simulate(ncgen.compile(m), 1.0, qd0={"P.x": 1.0}, rtol=1e-11)
+    leaves = run.events[-1]
+    assert leaves.name == "strut" and leaves.transition == "leaves"
+    assert leaves.q[1] == pytest.approx((2 + 1 / 9.81) / 3, rel=1e-9)
+    flown = run.t[-1] - leaves.t
+    assert run.q[-1] == pytest.approx(leaves.q + leaves.after * flown + np.array([0, -9.81 / 2 * flown**2]), rel=1e-9)

@@ -83,6 +83,7 @@ def calls(s) -> dict[str, dict]:
             "name": "new",
         },
         "rope": {"start": s.A, "end": s.B, "length": 2.0, "restitution": 0.5, "order": "in turn", "name": "new"},
+        "strut": {"start": s.A, "end": s.B, "length": 0.1, "restitution": 0.5, "order": "in turn", "name": "new"},
         "friction": {"coordinate": s.psi, "coulomb": 1.0, "static": 2.0, "viscous": 0.1, "stribeck": 0.01, "other": s.A.x, "ratio": 2.0,
                      "name": "new"},
         "backlash": {"coordinate": s.psi, "other": s.A.x, "width": 0.1, "ratio": 2.0, "restitution": 0.5, "stiffness": 10.0,
