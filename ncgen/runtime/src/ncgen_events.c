@@ -166,7 +166,9 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
         const int bounced = resting[k];
         resting[k] = 0;
         i->velocities[k] = -1; /* room for the time in which bounces end */
-        if (!bounced || !ncgen_is_at_rest(i->values[2 * k], i->scales[k], rates[k], accelerations[k], i->events->noise))
+        if (!bounced || (rates[k] < 0 && !chain->happened[k])) /* it is still to be hit */
+            continue;
+        if (!ncgen_is_at_rest(i->values[2 * k], i->scales[k], rates[k], accelerations[k], i->events->noise))
             continue;
         i->velocities[k] = ncgen_time_of_bounces(rates[k], accelerations[k], i->numbers[impact->value]);
         if (impact->place)
