@@ -66,6 +66,10 @@ class Active:
             raise raised[0]
         return bool(status != self._library.NCGEN_NO_MODE)
 
+    def oppose(self, number: int) -> None:
+        """Note that a contact that is still would begin to slide against others that were released."""
+        self.still[number] = self._library.NCGEN_OPPOSED
+
     def slip(self, number: int, slip: float, side: float) -> int:
         """The direction in which a joint slips, before `slip`; side: of its velocity."""
         return int(self._library.ncgen_slip_of(self._struct, number, int(slip), int(side)))

@@ -72,14 +72,14 @@ static void drop_open(ncgen_active *a)
 }
 
 /* All that may be held, but for what was released. What a joint bore may push a gap closed; and where a contact is at rest that has slipped,
- * it may take over, so loads are shared anew; one that was held by others and slips no way of theirs does take over. */
+ * it may take over, so loads are shared anew; not where it is opposed to those that were released. */
 static void want(ncgen_active *a)
 {
     int joints = 0, takes_over = 0;
     for (int k = 0; k < a->count; ++k) {
         a->wanted[k] = may_hold(a, k);
         joints |= a->released[k] && a->kinds[k] == NCGEN_HOLDS_JOINT;
-        takes_over |= a->wanted[k] && !a->before[k] && !a->released[k] && a->kinds[k] == NCGEN_HOLDS_CONTACT && a->still[k] != 2;
+        takes_over |= a->wanted[k] && !a->before[k] && !a->released[k] && a->kinds[k] == NCGEN_HOLDS_CONTACT && a->still[k] != NCGEN_OPPOSED;
     }
     for (int k = 0; k < a->count; ++k) {
         const int pushes = a->kinds[k] == NCGEN_HOLDS_GAP || a->kinds[k] == NCGEN_HOLDS_RATCHET;
@@ -99,7 +99,7 @@ static int worst(const ncgen_active *a, ncgen_scalar least, ncgen_scalar reserve
     for (int k = 0; k < a->count; ++k)
         for (int l = 0; a->wanted[k] && l < ncgen_loads_of(a->kinds[k]); ++l, load += 2) {
             const int joint = a->kinds[k] == NCGEN_HOLDS_JOINT, old = joint || a->before[k];
-            const int joins = a->still[k] != 2; /* else it stands at its limit and moves away from it, but for as much */
+            const int joins = a->still[k] != NCGEN_OPPOSED; /* else it stands at its limit and moves away from it, but for as much */
             const ncgen_scalar needed = a->kinds[k] == NCGEN_HOLDS_CONTACT ? (joins ? reserve : -reserve) : old ? 0 : 2 * slack;
             const ncgen_real over = needed - (load[1] > 0 ? load[0] / load[1] : 0);
             if (over > most) {

@@ -7,6 +7,9 @@
 
 /* begin cdef */
 
+/* Whether something is still; opposed: a contact that would begin to slide against others that do. */
+enum { NCGEN_MOVES, NCGEN_STILL, NCGEN_OPPOSED };
+
 /* `count` things that may be held; 1 and 0 are yes and no. */
 typedef struct ncgen_active {
     int count;
@@ -16,7 +19,7 @@ typedef struct ncgen_active {
     const int *happened; /* has its condition passed zero at this instant? of a contact: has it come to rest? */
     const int *rests;    /* is it at rest for other reasons: bounces end, an impact leaves it so, or nothing has hit it? */
     const int *closed;   /* is a gap closed? */
-    const int *still;    /* does a gap not change, or others not move? 2 of a contact that would begin to slide against others that do */
+    const int *still;    /* NCGEN_STILL where a gap does not change, or others do not move */
     int *wanted;         /* what is to be held */
     int *released;       /* what is not: 1, or of a joint the direction in which it slips, 1 or -1; else 0 */
     ncgen_real *loads;   /* conditions of loads of what is wanted, in this order: values, and sizes that they are compared with */

@@ -370,7 +370,7 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
         return NCGEN_STOPPED;
     const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
-    acted = some > 0 || !is_ahead(d, events, p, moment, passage);
+    acted = some > 0 || !events->n_holds || !is_ahead(d, events, p, moment, passage);
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         const ncgen_scalar from = moment->t;
         ncgen_entered in;

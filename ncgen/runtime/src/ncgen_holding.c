@@ -293,7 +293,8 @@ static int describe(ncgen_instant *i, const int *happened, const int *resting, i
         int opposed = 0;
         if (rubbing && still[h] && !before[h])
             status = ncgen_is_opposed(i, rubbing, released_of(e, i->passage), &opposed);
-        still[h] += opposed;
+        if (opposed)
+            still[h] = NCGEN_OPPOSED;
     }
     return status;
 }

@@ -243,7 +243,8 @@ class HeldChoice:
             active.still[position] = owner.is_still(k, at) or (
                 turns and np.linalg.norm(functions.sliding(at)[k][0]) <= owner.unseen_sliding(k, at)
             )
-            active.still[position] += active.still[position] and k not in held and owner.is_opposed(k, at)
+            if active.still[position] and k not in held and owner.is_opposed(k, at):
+                active.oppose(position)
             active.closed[position] = k not in functions.moving and k not in functions.contacts and owner.is_closed(k, at)
             active.happened[position] = k in due and k not in functions.turns.values()
         for k, side in owner.left.items():

@@ -312,10 +312,11 @@ class EventLoop:
             return resting_gaps
         rates, second = self.functions.rates(self.at, self._accelerations(impacts))
         values, scales = self.functions.weighed(self.at)
+        noise = VALUE_ROUNDING[self.functions.degree]
         for k in impacts:
-            if (rates[k] >= 0 or happened[k]) and is_at_rest(
-                values[k], scales[k], rates[k], second[k], VALUE_ROUNDING[self.functions.degree]
-            ):
+            if rates[k] < 0 and not happened[k]:
+                continue  # it is still to be hit
+            if is_at_rest(values[k], scales[k], rates[k], second[k], noise):
                 ends = time_of_bounces(rates[k], second[k], self.functions.restitution(k, self.at))
                 resting_gaps[k] = self.functions.events[k].name, self.at.t + ends
         return resting_gaps
