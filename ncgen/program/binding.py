@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 from ncgen.errors import ModelError
 from ncgen.model.elements import Component, rate_name
 from ncgen.model.names import TIME
+from ncgen.model.traced_numbers import Traced
 from ncgen.model.values import Parameter, Value, is_number
-from ncgen.program.ir.graph import ArrayElement, Graph
+from ncgen.program.ir.graph import FOLDED, ArrayElement, Graph
 from ncgen.program.ir.lower import LoweredTemplate, lowered
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import Template
@@ -23,9 +24,6 @@ from ncgen.symbolic.term import Term
 
 if TYPE_CHECKING:
     import sympy
-
-FOLDED = (0.0, 1.0, -1.0)
-"""Numbers that simplify what they meet; they belong to the structure of a term, all others to its data."""
 
 
 class Folded(NamedTuple):
@@ -106,9 +104,9 @@ def bind(term: Term, equations: Terms, derived: Derived) -> BoundTerm:
         if is_number(v):
             if not math.isfinite(v):
                 raise ModelError(f"its {name} becomes {float(v)}; check the units of lengths and masses")
-            if float(v) in FOLDED:
+            if v in FOLDED:
                 return Folded(float(v) + 0.0)
-            bound.constants.append(float(v))
+            bound.constants.append(v if isinstance(v, Traced) else float(v))
             reference = Reference("const", len(bound.constants) - 1)
         else:
             source = ArrayElement("p", positions[v.name]) if isinstance(v, Parameter) else ArrayElement("d", derived.index(v))

@@ -9,6 +9,7 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ncgen.model.traced_numbers import Traced
 from ncgen.model.values import Value, as_sympy, is_number
 from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.assemble import parts_of, place_of
@@ -74,6 +75,8 @@ class Lines:
 
     def value(self, value: Value | Exact) -> int:
         """A number, or an expression of parameters."""
+        if isinstance(value, Traced):
+            return self.graph.const(value)
         return self.graph.const(float(value)) if is_number(value) or isinstance(value, Fraction) else self._lowered(as_sympy(value))
 
     def _expression(self, index: int) -> int:

@@ -69,6 +69,11 @@ def standard_inertia(body: Body, parameters: dict[str, Parameter]) -> StandardIn
     return known[basis]
 
 
+def take_standard(body: Body, standard: StandardInertia) -> None:
+    """Let this be a body's inertia over its basis."""
+    _known.setdefault(body.own_inertia, {})[body.basis] = standard
+
+
 def _over_basis(body: Body, basis: tuple[Spatial, ...], parameters: dict[str, Parameter]) -> StandardInertia:
     inertia = body.own_inertia
     base = next(e for e in basis if isinstance(e, Point))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeAlias
+from weakref import WeakKeyDictionary
 
 from ncgen.errors import ModelError
 from ncgen.model import Model
@@ -26,14 +28,36 @@ Amount: TypeAlias = "Exact | float"
 """What is added up before it is rounded."""
 
 
-def inertia_terms(
-    model: Model, bodies: Sequence[Body], released: Collection[Component], rotors: Sequence[Rotor]
-) -> tuple[list[Term], list[Term]]:
-    """Mass and weight of the bodies, and inertia of rotors, constant parts added up in exact arithmetic before they are rounded."""
+@dataclass(frozen=True)
+class Amounts:
+    """Constant parts of M and of the weights, added up over the bodies.
+
+    offset: the potential energy of what is fixed
+    """
+
+    mass: dict[tuple[Component, Component], Amount]
+    weight: dict[Component, Amount]
+    offset: Amount
+
+
+_given: WeakKeyDictionary[Model, Amounts] = WeakKeyDictionary()
+
+
+def take_amounts(model: Model, amounts: Amounts) -> None:
+    """Let these be the amounts of all bodies of a model."""
+    _given[model] = amounts
+
+
+def amounts_of(model: Model, bodies: Sequence[Body], released: Collection[Component], rotors: Sequence[Rotor]) -> Amounts:
+    """The amounts of some bodies and rotors, in exact arithmetic where they are numbers.
+
+    released: fixed coordinates that are treated as free
+    """
+    if model in _given and len(bodies) == sum(body.inertia is not None for body in model.bodies.values()) and not released:
+        return _given[model]
     order = {component: i for i, component in enumerate(model.components)}
     mass: dict[tuple[Component, Component], Amount] = defaultdict(Fraction)
     weight: dict[Component, Amount] = defaultdict(Fraction)
-    varying: list[Term] = []
     for body in bodies:
         try:
             standard = standard_inertia(body, model.parameters)
@@ -41,17 +65,32 @@ def inertia_terms(
             raise _too_large(f"body {body.name}, inertia") from None
         _add_constant_mass(mass, standard, released)
         _add_weight(weight, standard, model.gravity_field)
-        if standard.crossed:
-            varying += _cross_product_terms(body, standard, model.gravity_field)
     for rotor in rotors:
         (coordinate,) = rotor.coordinate.components
-        mass[coordinate, coordinate] += Fraction(float(rotor.inertia)) if is_number(rotor.inertia) else as_sympy(rotor.inertia)
-    owner = Owner("body", bodies[0].name) if len(bodies) == 1 else Owner("model", model.name)
+        mass[coordinate, coordinate] += _field(rotor.inertia, Fraction(0))
     # M is symmetric: a pair stands once, in the order of q.
     pairs = {pair: m for pair, m in mass.items() if m != 0 and order[pair[0]] <= order[pair[1]]}
-    masses = [_mass_term(pair, m, owner) for pair, m in pairs.items()] + varying
-    forces = _weight_terms(weight, owner, released)
-    return masses, forces
+    offset: Amount = Fraction(0)
+    for component, force in weight.items():
+        if component.fixed and component not in released:
+            offset -= force * _field(component.value, force)
+    moving = {c: force for c, force in weight.items() if force != 0 and (not c.fixed or c in released)}
+    return Amounts(pairs, moving, offset)
+
+
+def inertia_terms(
+    model: Model, bodies: Sequence[Body], released: Collection[Component], rotors: Sequence[Rotor]
+) -> tuple[list[Term], list[Term]]:
+    """Mass and weight of the bodies, and inertia of rotors, constant parts added up in exact arithmetic before they are rounded."""
+    amounts = amounts_of(model, bodies, released, rotors)
+    varying: list[Term] = []
+    for body in bodies:
+        standard = standard_inertia(body, model.parameters)
+        if standard.crossed:
+            varying += _cross_product_terms(body, standard, model.gravity_field)
+    owner = Owner("body", bodies[0].name) if len(bodies) == 1 else Owner("model", model.name)
+    masses = [_mass_term(pair, m, owner) for pair, m in amounts.mass.items()] + varying
+    return masses, _weight_terms(amounts, owner)
 
 
 def _add_constant_mass(mass: dict[tuple[Component, Component], Amount], standard: StandardInertia, released: Collection[Component]) -> None:
@@ -93,34 +132,21 @@ def _field(g: Value, partner: Exact) -> Amount:
     return Fraction(float(g)) if is_number(g) and isinstance(partner, Fraction) else as_sympy(g)
 
 
-def _weight_terms(weight: Mapping[Component, Amount], owner: Owner, released: Collection[Component]) -> list[Term]:
-    terms: list[Term] = []
-    offset: Amount = Fraction(0)
-    for component, force in weight.items():
-        if force == 0:
-            continue
-        if component.fixed and component not in released:
-            offset -= force * (Fraction(float(component.value)) if is_number(component.value) else as_sympy(component.value))
-        else:
-            terms.append(
-                Term(
-                    template=mass_templates.weight(),
-                    scalars=(((1.0, component),),),
-                    data=(_rounded(force, f"weight of {component.name}"),),
-                    owner=owner,
-                    label=component.name,
-                )
-            )
-    if offset != 0:
-        terms.append(
-            Term(
-                template=mass_templates.energy_offset(),
-                scalars=(),
-                data=(_rounded(offset, "potential of fixed points"),),
-                owner=owner,
-                label="potential of fixed points",
-            )
+def _weight_terms(amounts: Amounts, owner: Owner) -> list[Term]:
+    terms = [
+        Term(
+            template=mass_templates.weight(),
+            scalars=(((1.0, component),),),
+            data=(_rounded(force, f"weight of {component.name}"),),
+            owner=owner,
+            label=component.name,
         )
+        for component, force in amounts.weight.items()
+    ]
+    if amounts.offset != 0:
+        label = "potential of fixed points"
+        data = (_rounded(amounts.offset, label),)
+        terms.append(Term(template=mass_templates.energy_offset(), scalars=(), data=data, owner=owner, label=label))
     return terms
 
 
@@ -142,7 +168,7 @@ def _cross_product_terms(body: Body, standard: StandardInertia, gravity: Sequenc
 def _rounded(value: Amount, where: str) -> Scalar:
     """A Fraction as the nearest double; expressions of parameters stay."""
     try:
-        return float(value) if isinstance(value, (Fraction, int, float)) else value
+        return float(value) if isinstance(value, (Fraction, int)) else value
     except OverflowError:
         raise _too_large(where) from None
 

@@ -15,6 +15,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 from ncgen.model.pieces import Pieces
+from ncgen.model.traced_numbers import Traced, called
 from ncgen.program.ir.functions import FUNCTIONS
 
 
@@ -74,6 +75,9 @@ class Op(NamedTuple):
 _plain = tuple.__new__
 """Makes an Op of its three parts in a third of the time that calling it takes: long programs are made of hundreds of thousands."""
 
+FOLDED = (0.0, 1.0, -1.0)
+"""Numbers that simplify what they meet."""
+
 FOLDING = frozenset({"const", "neg"})
 """Codes of the arguments that sums and products simplify, besides a product with a constant factor."""
 
@@ -124,6 +128,8 @@ class Graph:
         """A number. Raises OverflowError for infinity and nan."""
         if not math.isfinite(value):
             raise OverflowError(f"a constant becomes {value}")
+        if isinstance(value, Traced) and value not in FOLDED:
+            return self._make("const", leaf=value)
         return self._make("const", leaf=float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
 
     def load(self, array: str, index: int) -> int:
@@ -227,7 +233,7 @@ class Graph:
     def call(self, name: str, *args: int) -> int:
         numbers = [self.value(a) for a in args]
         if None not in numbers:
-            return self.const(FUNCTIONS[name].python(*numbers))
+            return self.const(called(name, FUNCTIONS[name].python, numbers))
         return self._make(name, args)
 
     def lookup(self, pieces: Pieces, a: int) -> int:

@@ -101,19 +101,14 @@ class _Joints:
         return self.graph.sum(self.graph.mul(self.graph.const(weights[e]), node) for e, node in nodes.items())
 
     def _plain(self, node: int, size: float) -> int:
-        """A number where the node is the same in all samples, and what parameters make of it where they alone do."""
+        """What numbers and parameters make of a node where they alone do: what it is in the position that is described, if it is that in
+        all samples."""
         values = self._values(node)
-        if np.ptp(values) > CONSTANT * size:
-            return self._of_parameters(node, values, size)
-        number = float(values[0])  # of the start itself, which no iteration has touched
-        return self.graph.const(0.0 if abs(number) < CONSTANT * size else number)
-
-    def _of_parameters(self, node: int, values: np.ndarray, size: float) -> int:
-        """What the node is in the position that is described, where it is that in all samples; else the node."""
-        if not self.rates.equations.parameters:
-            return node
         described = self.rates.described(node)
-        return described if np.max(np.abs(self._values(described) - values)) <= CONSTANT * size else node
+        if np.max(np.abs(self._values(described) - values)) > CONSTANT * size:
+            return node
+        number = self.graph.value(described)
+        return self.graph.const(0.0) if number is not None and abs(number) < CONSTANT * size else described
 
     def _relative_velocity(self, element: Spatial, number: int) -> Vector:
         """An element's velocity without that of the link's parent."""
