@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ncgen.emit.sources import Sources
     from ncgen.mechanism.kernels import Kernels
     from ncgen.mechanism.library import CompiledKernels
+    from ncgen.mechanism.numbered import Structured
     from ncgen.mechanism.numpy_module import NumPyKernels
 
 BACKENDS = ("auto", "c", "numpy")
@@ -154,9 +155,9 @@ def compile(
     sources = sources_of(model, emission, timings, cached=backend != "numpy")
     if backend != "numpy":
         try:
-            files = timings.stage("emit", lambda: sources.c)
-            built = timings.stage("build", compiled, files, flags_for(files))
-            kernels = timings.stage("load", CompiledKernels, sources.programs, built.library)
+            source = timings.stage("emit", lambda: sources.compiled)
+            built = timings.stage("build", compiled, source.files, flags_for(source.files))
+            kernels = timings.stage("load", CompiledKernels, sources.programs, built.library, source.values)
             kernels.effort = effort
             return kernels
         except CompileError as error:
@@ -175,8 +176,11 @@ def sources_of(model: Model | Sources, emission: str, timings: Timings, cached: 
     model = checked_model(model)
     if not cached:
         return generate(model, emission, timings)
-    from ncgen.mechanism import recall
+    from ncgen.mechanism import numbered, recall
 
+    structure = timings.stage("key", numbered.structured, model, emission)
+    if structure is not None:
+        return _of_structure(structure, model, timings)
     key = timings.stage("key", recall.key, model, emission)
     if key is None:
         return generate(model, emission, timings)
@@ -184,6 +188,23 @@ def sources_of(model: Model | Sources, emission: str, timings: Timings, cached: 
     if sources is None:
         sources = generate(model, emission, timings)
         timings.stage("keep", recall.remember, key, sources)
+    return sources
+
+
+def _of_structure(structure: Structured, model: Model, timings: Timings) -> Sources:
+    """Sources whose numbers are data, as they were kept or generated."""
+    from ncgen.mechanism.structured_kernels import kept_sources, remembered
+
+    sources = timings.stage("recall", kept_sources, structure, model)
+    if sources is None:
+        timings.stage("import", _import_generator)
+        from ncgen.program.assemble import assemble
+        from ncgen.toolchain.undisturbed import undisturbed
+
+        with undisturbed():
+            equations = timings.stage("symbolic", lambda: structure.terms)
+            programs = timings.stage("program", assemble, equations, structure.emission)
+        sources = timings.stage("keep", remembered, structure, model, programs)
     return sources
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ncgen.emit.language import language, languages
+from ncgen.emit.number_table import FilledSources
 from ncgen.files import argument_was, path_of, write_text
 from ncgen.program.programs import Programs
 
@@ -17,10 +18,12 @@ class Sources:
     """The generated files of one mechanism; the same model gives the same bytes.
 
     printed: {language: its files}; a language is printed when it is first asked for
+    filled: C sources whose numbers are data, where there are some
     """
 
     programs: Programs
     printed: dict[str, dict[str, Any]] = field(default_factory=dict, repr=False, compare=False)
+    filled: FilledSources | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         return f"<Sources {self.programs.equations.model.name}: {', '.join(languages())}>"
@@ -35,6 +38,11 @@ class Sources:
     def c(self) -> dict[str, str]:
         """The C source and the headers it needs."""
         return self.of("c")
+
+    @property
+    def compiled(self) -> FilledSources:
+        """What is compiled for calls from Python."""
+        return self.filled or FilledSources(self.c, None)
 
     @property
     def numpy(self) -> dict[str, str]:

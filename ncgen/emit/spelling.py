@@ -51,8 +51,12 @@ class Spelling(ABC):
 
     def lookup(self, pieces: Pieces, x: str) -> str:
         """A piecewise polynomial: a function "pieces" of x, the tables of its knots and rows, how many knots, degree and period."""
-        tables = [self.tables.number(pieces.knots), self.tables.number(pieces.numbers)]
+        tables = [self.table(pieces.knots), self.table(pieces.numbers)]
         return self.call(PIECES, [x, *tables, str(len(pieces.knots)), str(pieces.degree), self.number(pieces.period)])
+
+    def table(self, values: tuple[float, ...]) -> str:
+        """The name of a table of numbers."""
+        return self.tables.number(values)
 
     @abstractmethod
     def comment(self, text: str) -> str:
@@ -71,7 +75,7 @@ class Spelling(ABC):
         if op.code == "load":
             return self.element(*op.input, block)
         slot = block.slots[op.slot]
-        return self.slot(slot, block) if isinstance(slot, Slot) else self.column(self.tables.number(slot.table))
+        return self.slot(slot, block) if isinstance(slot, Slot) else self.column(self.table(slot.table))
 
     def kernel(self, program: Program) -> Record:
         """One kernel; how the sines and cosines of its angles are found, its language adds."""

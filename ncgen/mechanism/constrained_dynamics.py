@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.emit.naming import prefix_of
+from ncgen.emit.number_table import FilledSources, table_getter
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.motion_sources import Seen, motion_source
+from ncgen.mechanism.motion_sources import Seen, filled_motion, motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.recall import Files
 from ncgen.mechanism.runtime import Dynamics, Outcome
@@ -76,11 +77,13 @@ class ConstrainedDynamics(Dynamics):
     @staticmethod
     def _written_out(kernels: Kernels, number: str, samples_of: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
         """What gives the emitted motion, if there is one, and the library that it lives in."""
-        files = motion_source(kernels, samples_of)
-        if not files:
+        source = filled_motion(kernels, samples_of) if number == "double" else FilledSources(motion_source(kernels, samples_of), None)
+        if not source.files:
             return None
-        getter = f"{prefix_of(kernels.name)}_recursion"
-        _, home = load_with_headers(files, number, f"const ncgen_motion *{getter}(void);")
+        prefix = prefix_of(kernels.name)
+        getter = f"{prefix}_recursion"
+        declarations = f"const ncgen_motion *{getter}(void);"
+        _, home = load_with_headers(source.files, number, declarations, table_getter(prefix), source.values)
         return getattr(home, getter), home
 
     @property

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,12 +12,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
+from ncgen.emit.number_table import table_getter
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.kernel_batch import CompiledBatch
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.structured_kernels import compiled_sources
 from ncgen.mechanism.tangents import CompiledTangents
 from ncgen.program.programs import Programs
 from ncgen.toolchain.abi import InC, abi
@@ -34,11 +37,13 @@ class CompiledKernels(Kernels):
 
     backend = "c"
 
-    def __init__(self, programs: Programs, library: Path) -> None:
+    def __init__(self, programs: Programs, library: Path, values: Sequence[float] | None = None) -> None:
+        """values: what the library's table of numbers is filled with, None where it has none."""
         super().__init__(programs)
-        getter = f"{prefix_of(self.name)}_model"
-        self._ffi, self._library = opened(library, f"const ncgen_model *{getter}(void);", abi())
-        self.library = library
+        prefix = prefix_of(self.name)
+        getter = f"{prefix}_model"
+        self._ffi, self._library = opened(library, f"const ncgen_model *{getter}(void);", abi(), table_getter(prefix), values)
+        self.library, self._numbers = library, values
         self.descriptor: InC = getattr(self._library, getter)()
         if self.descriptor.struct_size != self._ffi.sizeof("ncgen_model"):
             raise NcgenError(f"{library}: its ncgen_model has another layout; run `ncgen cache --clear` and try again")
@@ -46,8 +51,8 @@ class CompiledKernels(Kernels):
 
     @classmethod
     def _of(cls, programs: Programs) -> CompiledKernels:
-        files = model_files(programs)
-        return cls(programs, compiled(files, flags_for(files)).library)
+        files, values, _ = compiled_sources(programs)
+        return cls(programs, compiled(files, flags_for(files)).library, values)
 
     def function(self, kernel: str) -> InC:
         """The function of a kernel in C."""
@@ -55,8 +60,11 @@ class CompiledKernels(Kernels):
 
     @property
     def fingerprint(self) -> str:
-        """A digest of the generated source."""
-        return self._ffi.string(self.descriptor.fingerprint).decode()
+        """A digest of the generated source, and of the numbers that it reads."""
+        of_source = self._ffi.string(self.descriptor.fingerprint).decode()
+        if self._numbers is None:
+            return of_source
+        return hashlib.sha256(" ".join((of_source, *map(float.hex, self._numbers))).encode()).hexdigest()[:16]
 
     _tangents = CompiledTangents
     _batch = CompiledBatch

@@ -8,13 +8,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from ncgen.emit.c.files import dynamics_files, motion_files, seeded_files
-from ncgen.mechanism import recall
+from ncgen.emit.naming import prefix_of
+from ncgen.emit.number_table import FilledSources, NumberTable
+from ncgen.mechanism import numbered, recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.mechanism.recall import Files
 from ncgen.program.ir.sampling import Sample
 from ncgen.program.programs import Split
+from ncgen.toolchain.undisturbed import undisturbed
 
 if TYPE_CHECKING:
     from ncgen.program.motions.dynamics import DynamicsPrograms, MotionPrograms
@@ -34,16 +37,10 @@ def motion_source(
     equations, forced = kernels.programs.equations, bool(kernels.model.callbacks)
     friction = ReactiveForce.only(kernels.model.callbacks)
 
-    def assembled() -> MotionPrograms | None:
-        from ncgen.program.motions.dynamics import assemble_motion
-
-        samples = samples_of()
-        return assemble_motion(equations, *samples, kernels.column_sizes, forced) if samples else None
-
     def made() -> Files:
         from ncgen.program.motions.dynamics import differentiated
 
-        programs = kernels.remember("motion programs", (), assembled)
+        programs = _programs(kernels, samples_of)
         if programs is None:
             return {}
         if kind == "motion":
@@ -52,6 +49,37 @@ def motion_source(
 
     words = kind if not forced else f"forced {kind}" if kind == "motion" or not friction else f"{kind} with {friction.key}"
     return recall.derived(kernels.programs, words, made)
+
+
+def filled_motion(kernels: Kernels, samples_of: Callable[[], Seen | None], is_own: bool = False) -> FilledSources:
+    """The motion as it is compiled for calls from Python: its numbers are data. Arguments as of `motion_source`; is_own: not what was
+    generated for other numbers."""
+    structure, forced = numbered.of(kernels.programs), bool(kernels.model.callbacks)
+    if structure is None:
+        return FilledSources(motion_source(kernels, samples_of), None)
+    kind = "forced motion" if forced else "motion"
+    found = structure.recall(kind, is_own)
+    if found is not None:
+        return found.sources
+    with undisturbed():
+        programs = _programs(kernels, samples_of)
+        table = NumberTable(f"{prefix_of(kernels.name)}_recursion_numbers")
+        files = motion_files(programs, kernels.programs.equations, forced, table) if programs else {}
+        return structure.remember(kind, (), files, table, is_general=programs is not None and programs.is_general)
+
+
+def _programs(kernels: Kernels, samples_of: Callable[[], Seen | None]) -> MotionPrograms | None:
+    """The programs of the motion, None where there are none; found once."""
+    structure = numbered.of(kernels.programs)
+    equations = kernels.programs.equations if structure is None else structure.terms
+
+    def assembled() -> MotionPrograms | None:
+        from ncgen.program.motions.dynamics import assemble_motion
+
+        samples = samples_of()
+        return assemble_motion(equations, *samples, kernels.column_sizes, bool(kernels.model.callbacks)) if samples else None
+
+    return kernels.remember("motion programs", (), assembled)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -20,6 +20,7 @@ from ncgen.emit.sources import Sources
 from ncgen.model import Model
 from ncgen.model.digest import digest
 from ncgen.model.pieces import Pieces
+from ncgen.model.traced_numbers import Trace, Traced
 from ncgen.program.ir.blocks import Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.programs import Programs, TangentPrograms
@@ -42,7 +43,7 @@ PARTS = {kind.__name__: kind for kind in (Column, ArrayElement, Loop, Pattern, P
 FIELDS = {name: kind._fields if issubclass(kind, tuple) else tuple(field.name for field in fields(kind)) for name, kind in PARTS.items()}
 """What programs are made of, besides operations."""
 
-OPERATIONS = "operations"
+OPERATIONS, TRACED = "operations", "traced"
 JSON_TYPES = (float, int, type(None))
 """What stands for an operation without arguments as JSON can say it."""
 
@@ -54,7 +55,7 @@ _keys: dict[int, str | None] = {}
 def key(model: Model, emission: str) -> str | None:
     """What the sources of a model are kept under; None for a model that cannot be told from others."""
     model_digest = digest(model)
-    return model_digest and hashlib.sha256(f"{_generator()}\n{emission}\n{model_digest}".encode()).hexdigest()[:40]
+    return model_digest and hashlib.sha256(f"{generator()}\n{emission}\n{model_digest}".encode()).hexdigest()[:40]
 
 
 def recall(model: Model, emission: str, key: str) -> Sources | None:
@@ -112,7 +113,7 @@ def _key_of(programs: Programs) -> str | None:
 
 def shared(description: str, make: Callable[[], Files]) -> Files:
     """C files that are the same for all mechanisms, likewise; told: what they are, in words that tell them from others."""
-    named = hashlib.sha256(f"{_generator('solver', 'mechanism')}\n{description}".encode()).hexdigest()[:40]
+    named = hashlib.sha256(f"{generator('solver', 'mechanism')}\n{description}".encode()).hexdigest()[:40]
     files = kept(KIND, named)
     if files is None:
         files = make()
@@ -120,47 +121,63 @@ def shared(description: str, make: Callable[[], Files]) -> Files:
     return files
 
 
-def _plain(value: Any) -> Json:
+def plain(value: Any) -> Json:
+    """Programs as JSON can say them, with traced numbers as the operations that give them."""
+    return _plain(value, True)
+
+
+def restored(data: Any, trace: Trace, values: Sequence[float]) -> Any:
+    """What `plain` made, with these values of the operations of a trace."""
+    return _restored(data, lambda operation: Traced(values[operation], trace, operation))
+
+
+def _plain(value: Any, is_traced: bool = False) -> Json:
     """Programs as JSON can say them: tuples as lists, operations as columns, all else by its name with its parts."""
+    if isinstance(value, Traced):
+        return {TRACED: value.operation} if is_traced else float(value)
     if isinstance(value, ArrayElement):
         return {"ArrayElement": list(value)}
     if is_dataclass(value):
-        return {type(value).__name__: [_plain(getattr(value, field.name)) for field in fields(value)]}
+        return {type(value).__name__: [_plain(getattr(value, field.name), is_traced) for field in fields(value)]}
     if isinstance(value, dict):
-        return {"dict": [[_plain(name), _plain(member)] for name, member in value.items()]}
+        return {"dict": [[_plain(name, is_traced), _plain(member, is_traced)] for name, member in value.items()]}
     if isinstance(value, (tuple, list)):
-        return _columns(value) if value and isinstance(value[0], Op) else [_plain(member) for member in value]
+        return _columns(value, is_traced) if value and isinstance(value[0], Op) else [_plain(member, is_traced) for member in value]
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _columns(ops: Sequence[Op]) -> Any:
+def _columns(ops: Sequence[Op], is_traced: bool) -> Any:
     """Operations as JSON can say them: they are nearly all that programs have, and a column is read and written in a third of the time."""
-    leaves = [op.leaf if op.leaf.__class__ in JSON_TYPES else _plain(op.leaf) for op in ops]
+    leaves = [op.leaf if op.leaf.__class__ in JSON_TYPES else _plain(op.leaf, is_traced) for op in ops]
     return {OPERATIONS: [[op.code for op in ops], [op.args for op in ops], leaves]}
 
 
-def _operations(codes: list[str], arguments: list[list[int]], leaves: list[Any]) -> tuple[Op, ...]:
+def _operations(parts: list[Any], number: Callable[[int], float]) -> tuple[Op, ...]:
     """What `_columns` made plain."""
-    plain = [_restored(leaf) if leaf.__class__ is dict else leaf for leaf in leaves]
-    return tuple(map(Op._make, zip(codes, map(tuple, arguments), plain, strict=True)))
+    codes, arguments, leaves = parts
+    whole = [_restored(leaf, number) if leaf.__class__ is dict else leaf for leaf in leaves]
+    return tuple(map(Op._make, zip(codes, map(tuple, arguments), whole, strict=True)))
 
 
-def _restored(data: Any) -> Any:
-    """What `_plain` made plain."""
+def _restored(data: Any, number: Callable[[int], float] = float) -> Any:
+    """What `_plain` made plain. number: gives a traced number by its operation."""
     if isinstance(data, list):
-        return tuple([_restored(member) for member in data])
+        return tuple([_restored(member, number) for member in data])
     if isinstance(data, dict):
         ((name, parts),) = data.items()
         if name == OPERATIONS:
-            return _operations(*parts)
+            return _operations(parts, number)
+        if name == TRACED:
+            return number(parts)
         if name == "dict":
-            return dict(_restored(parts))
-        return PARTS[name](**dict(zip(FIELDS[name], map(_restored, parts), strict=True)))
+            return dict(_restored(parts, number))
+        members = [_restored(part, number) for part in parts]
+        return PARTS[name](**dict(zip(FIELDS[name], members, strict=True)))
     return data
 
 
 @cache
-def _generator(*more: str) -> str:
+def generator(*more: str) -> str:
     """All that makes code of a model: the generator's own files, what they rely on, and Python, whose sums and functions round.
 
     more: further packages that have a part in it
@@ -168,5 +185,5 @@ def _generator(*more: str) -> str:
     made_with = hashlib.sha256()
     for path in package_files(*(more or ("model", "symbolic", "program", "methods", "emit", "runtime", "templates"))):
         made_with.update(f"{path.name}\n".encode() + hashlib.sha256(path.read_bytes()).digest())
-    others = [_generator()] if more else [platform.python_version(), *(f"{name} {version(name)}" for name in PACKAGES)]
+    others = [generator()] if more else [platform.python_version(), *(f"{name} {version(name)}" for name in PACKAGES)]
     return "\n".join([*others, made_with.hexdigest()])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
@@ -82,11 +82,13 @@ RUNS: tuple[Part, ...] = ("whole", "explicit", "ordinary", "stiff", "ordinary tr
 """Parts that carry runs out, the one with most objects for others first."""
 
 
-def load_with_headers(files: dict[str, str], number: str, declarations: str) -> tuple[Interface, InC]:
-    """A library of these files, which are straight lines, and the headers, and its interface."""
+def load_with_headers(
+    files: dict[str, str], number: str, declarations: str, table: str = "", values: Sequence[float] | None = None
+) -> tuple[Interface, InC]:
+    """A library of these files, which are straight lines, and the headers, and its interface; table, values: as of `loader.opened`."""
     flags = flags_for(files)
     files = files | shared("headers", lambda: runtime_files(*RUNTIME_HEADERS, *HEADERS))
-    return load(files, declarations, runtime_abi(number), (*flags, *NUMBERS[number].flags))
+    return load(files, declarations, runtime_abi(number), (*flags, *NUMBERS[number].flags), table, values)
 
 
 @once

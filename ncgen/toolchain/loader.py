@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import shutil
+import tempfile
+import threading
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +26,54 @@ def executed(files: Mapping[str, str]) -> dict[str, Any]:
     return namespace
 
 
-def load(files: dict[str, str], declarations: str, base: Interface | None, flags: tuple[str, ...] = FLAGS) -> tuple[Interface, InC]:
+def load(
+    files: dict[str, str],
+    declarations: str,
+    base: Interface | None,
+    flags: tuple[str, ...] = FLAGS,
+    table: str = "",
+    values: Sequence[float] | None = None,
+) -> tuple[Interface, InC]:
     """(interface, library) of sources {file name: text}: from the cache, or compiled.
 
-    declarations: what is called, in C; base: the interface that knows the types in them, None where all are C's own
+    declarations: what is called, in C; base: the interface that knows the types in them, None where all are C's own; table, values: as of
+    `opened`
     """
-    return opened(compiled(files, flags).library, declarations, base)
+    return opened(compiled(files, flags).library, declarations, base, table, values)
 
 
-def opened(library: Path, declarations: str, base: Interface | None) -> tuple[Interface, InC]:
-    """(interface, library) of a compiled library. Raises NcgenError where it cannot be loaded."""
-    ffi = interface(declarations, base)
-    return ffi, opened_by(ffi, library)
+def opened(
+    library: Path, declarations: str, base: Interface | None, table: str = "", values: Sequence[float] | None = None
+) -> tuple[Interface, InC]:
+    """(interface, library) of a compiled library. Raises NcgenError where it cannot be loaded.
+
+    table: the function that gives the library's table of numbers; values: what it is filled with, None where there is no table
+    """
+    if values is None:
+        ffi = interface(declarations, base)
+        return ffi, opened_by(ffi, library)
+    ffi, data = interface(f"{declarations}\ndouble *{table}(void);", base), array("d", values).tobytes()
+    with _own_copy(library, data) as path:
+        opened_library = opened_by(ffi, path)
+    ffi.buffer(getattr(opened_library, table)(), len(data))[:] = data
+    return ffi, opened_library
+
+
+@contextmanager
+def _own_copy(library: Path, data: bytes) -> Iterator[Path]:
+    """A library for these numbers: itself, or where it was opened for others in this process, a copy, which has a table of its own."""
+    with _filling:
+        if _filled.setdefault(library, data) == data:
+            yield library
+            return
+    with tempfile.TemporaryDirectory(prefix="ncgen-", ignore_cleanup_errors=True) as folder:
+        yield Path(shutil.copy(library, folder))
+
+
+_filled: dict[Path, bytes] = {}
+"""{library: the numbers that it was filled with first}."""
+
+_filling = threading.Lock()
 
 
 def opened_by(ffi: Interface, library: Path) -> InC:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from ncgen.emit.infix import Assignment
 from ncgen.emit.loop_tables import Tables
+from ncgen.emit.number_table import NumberTable
 from ncgen.emit.spelling import Record, Spelling
+from ncgen.model.traced_numbers import Traced
 from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore
 from ncgen.program.ir.cut import CUT_ARRAY, cut
@@ -13,12 +15,18 @@ from ncgen.program.ir.cut import CUT_ARRAY, cut
 class C(Spelling):
     reserved = ("angle",)
 
-    def __init__(self, prefix: str, kind: str = "") -> None:
-        """prefix: the model's; kind: a word for the names of tables, where a model has several files."""
+    def __init__(self, prefix: str, kind: str = "", numbers: NumberTable | None = None) -> None:
+        """prefix: the model's; kind: a word for the names of tables, where a model has several files; numbers: where the model's are read
+        from, None where they are written out."""
         super().__init__(Tables(f"{prefix}_{kind}_" if kind else f"{prefix}_"), prefix)
+        self.numbers = numbers
 
     def number(self, value: float) -> str:
-        return number(value)
+        return self.numbers.element(value) if self.numbers is not None and isinstance(value, Traced) else number(value)
+
+    def table(self, values: tuple[float, ...]) -> str:
+        is_data = self.numbers is not None and any(isinstance(value, Traced) for value in values)
+        return self.numbers.column(values) if is_data else super().table(values)
 
     def element(self, array: str, index: int, block: Block) -> str:
         return "t" if array == "t" else f"{array}[{index}]"

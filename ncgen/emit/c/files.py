@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ncgen.emit.c.c_spelling import C, number
 from ncgen.emit.environment import render
 from ncgen.emit.naming import prefix_of
+from ncgen.emit.number_table import NumberTable
 from ncgen.emit.runtime_files import HEADERS, runtime_files
 from ncgen.emit.spelling import Record
 from ncgen.program.ir.blocks import Program
@@ -28,10 +29,13 @@ many."""
 DIFFERENTIATED = {"tangent": "along a direction", "adjoint": "transposed"}
 
 
-def model_files(programs: Programs) -> dict[str, str]:
-    """{file name: text}: the model's source and header, and the headers they include."""
+def model_files(programs: Programs, numbers: NumberTable | None = None) -> dict[str, str]:
+    """{file name: text}: the model's source and header, and the headers they include.
+
+    numbers: a table that the source reads the model's numbers from, for equations that are traced; None where they are written out
+    """
     prefix = prefix_of(programs.equations.model.name)
-    records = _model_records(programs, prefix)
+    records = _model_records(programs, prefix, numbers)
     body = render("c/model.c.jinja", fingerprint="", **records)
     fingerprint = hashlib.sha256(body.encode()).hexdigest()[:16]
     files = {
@@ -57,17 +61,20 @@ def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iter
     return {f"{prefix}_dynamics.{end}": render(f"c/dynamics.{end}.jinja", **records) for end in "ch"}
 
 
-def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = False) -> dict[str, str]:
+def motion_files(
+    programs: MotionPrograms, equations: Terms, forced: bool = False, numbers: NumberTable | None = None
+) -> dict[str, str]:
     """{file name: text}: the motion of all coordinates, for the runtime to integrate; long programs in files of their own. forced: the
-    derivative takes forces as one more input."""
+    derivative takes forces as one more input; numbers: as of `model_files`."""
     prefix = prefix_of(equations.model.name)
     in_files = sum(program.length for program in programs.all) > MAX_STATEMENTS_PER_FILE
-    records = {"model": equations.model, "prepared": programs.prepared, "in_files": in_files, "forced": forced}
-    records |= program_records(programs.all, prefix, "recursion")
-    files = {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
+    files: dict[str, str] = {}
     for program in programs.all if in_files else ():
-        files[f"{prefix}_{program.name}.c"] = render("c/recursion_kernel.c.jinja", **program_records((program,), prefix, program.name))
-    return files
+        records = program_records((program,), prefix, program.name, numbers)
+        files[f"{prefix}_{program.name}.c"] = render("c/recursion_kernel.c.jinja", **records)
+    records = {"model": equations.model, "prepared": programs.prepared, "in_files": in_files, "forced": forced}
+    records |= program_records(programs.all, prefix, "recursion", numbers)
+    return files | {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
 
 
 def seeded_files(programs: MotionPrograms, equations: Terms, kind: str) -> dict[str, str]:
@@ -96,17 +103,20 @@ def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]
     return {f"{prefix}_{programs.kind}.{end}": render(f"c/tangents.{end}.jinja", **records) for end in "ch"}
 
 
-def program_records(programs: Iterable[Program], prefix: str, kind: str = "") -> Record:
-    """Programs as a template prints them; kind: a word for the names of their tables, where a model has several files."""
-    return {"prefix": prefix, "upper": prefix.upper(), **C(prefix, kind).records(programs), "width": WIDTH}
+def program_records(programs: Iterable[Program], prefix: str, kind: str = "", numbers: NumberTable | None = None) -> Record:
+    """Programs as a template prints them; kind: a word for the names of their tables, where a model has several files; numbers: as of
+    `model_files`."""
+    records = C(prefix, kind, numbers).records(programs)
+    return {"prefix": prefix, "upper": prefix.upper(), **records, "width": WIDTH, "numbers": numbers}
 
 
-def _model_records(programs: Programs, prefix: str) -> Record:
+def _model_records(programs: Programs, prefix: str, numbers: NumberTable | None) -> Record:
     equations = programs.equations
     model = equations.model
     parameters = equations.parameters
     return {
-        **program_records(programs.programs.values(), prefix),
+        **program_records(programs.programs.values(), prefix, "", numbers),
+        **(_tables_of_numbers(equations, numbers) if numbers else {}),
         "model": model,
         "coordinates": [c.name for c in equations.free],
         "initial": [number(c.initial) for c in equations.free],
@@ -119,3 +129,9 @@ def _model_records(programs: Programs, prefix: str) -> Record:
         "mass_is_constant": "mass" in programs.programs and programs.programs["mass"].is_constant,
         "omitted": programs.omitted,
     }
+
+
+def _tables_of_numbers(equations: Terms, numbers: NumberTable) -> Record:
+    """What the model's structure points to in a table of numbers."""
+    tables = {"initial_table": [c.initial for c in equations.free], "default_table": [p.default for p in equations.parameters]}
+    return {name: numbers.column(values) for name, values in tables.items()}

@@ -84,12 +84,14 @@ class MotionPrograms:
     """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ].
 
     prepare: gives what depends on parameters alone, which the others read behind p; None where nothing does
+    is_general: whether they are right for other numbers in the same equations, too
     """
 
     derivative: Program
     velocities: Program
     closing: Program
     prepare: Program | None = None
+    is_general: bool = False
 
     @property
     def prepared(self) -> int:
@@ -138,13 +140,13 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
     """The motion of all coordinates by the cheapest recursion; None where there is none. Arguments as for `assemble_dynamics`, the split
     of the positions; forced: as of `assemble_motions`."""
     try:
-        ways, velocities = assemble_motions(equations, samples, np.asarray(sizes), forced)
+        ways, velocities, is_general = assemble_motions(equations, samples, np.asarray(sizes), forced)
         n = len(equations.free)
         parts = (ways[cheapest(ways)], velocities, closing(equations, split, samples, sizes, range(n)))
     except (NoRecursion, EliminationError, SingularError):
         return None
     prepare, (derivative, velocities, closed) = take_out(parts, equations)
-    motion = MotionPrograms(derivative, velocities, closed, prepare)
+    motion = MotionPrograms(derivative, velocities, closed, prepare, is_general)
     for program in motion.all:
         verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + motion.prepared})
     return motion

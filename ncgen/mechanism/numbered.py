@@ -1,0 +1,111 @@
+"""C of a mechanism whose numbers are data: it is kept under the structure of a model and serves every model of that structure.
+
+What is kept says how each number of its table is computed from those of a model, and what the generator compared on its way. Where one
+of these comparisons has another outcome for the numbers of a model, its code is generated and kept for these numbers alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+from weakref import finalize
+
+from ncgen.emit.number_table import FilledSources, NumberTable
+from ncgen.mechanism import recall
+from ncgen.mechanism.recall import Files
+from ncgen.model import Model
+from ncgen.model.traced_numbers import Comparison, Operation, Trace, computed
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.programs import Programs
+from ncgen.symbolic.numbering import Terms
+from ncgen.symbolic.structure import TracedModel, traced
+from ncgen.toolchain.cache_location import keep, kept
+
+FUNCTIONS_OF_NUMBERS = {name: function.python for name, function in FUNCTIONS.items()}
+
+
+class Kept(NamedTuple):
+    """What was kept: more than sources, restored for the numbers of a model, and the sources."""
+
+    more: Any
+    sources: FilledSources
+
+
+@dataclass(frozen=True, eq=False)
+class Structured:
+    """A mechanism as one of its structure. traced: its model; emission: as of `ncgen.generate`."""
+
+    traced: TracedModel
+    emission: str
+
+    @cached_property
+    def terms(self) -> Terms:
+        """The equations, whose numbers are traced."""
+        from ncgen.symbolic.equations import build_equations
+
+        return build_equations(self.traced.model)
+
+    def recall(self, kind: str, only_own: bool = False) -> Kept | None:
+        """What was kept of a kind for these numbers, or for others where it holds for these, too. only_own: not for others."""
+        for key, is_own in self._keys(kind):
+            entry = kept(recall.KIND, key) if is_own or not only_own else None
+            if entry is None:
+                continue
+            plain, files, places, *trace = entry
+            operations, comparisons = _restored_trace(*trace)
+            values = computed(operations, comparisons, self.traced.numbers, FUNCTIONS_OF_NUMBERS)
+            if values is not None:
+                more = recall.restored(plain, Trace(operations), values)
+                return Kept(more, FilledSources(files, None if places is None else [values[k] for k in places], is_own))
+        return None
+
+    def remember(self, kind: str, more: Any, files: Files, table: NumberTable | None, is_general: bool = True) -> FilledSources:
+        """Keep what was generated from traced equations: for the structure, or for these numbers alone where something else is kept for
+        the structure already, or where it is not general."""
+        trace = self.traced.trace
+        places = None if table is None else [trace.operation(value) for value in table.entries]
+        entry = (recall.plain(more), files, places, trace.operations, trace.comparisons if is_general else [])
+        general, own = (key for key, _ in self._keys(kind))
+        keep(recall.KIND, general if is_general and kept(recall.KIND, general) is None else own, entry, recall.MAX_ENTRY_BYTES)
+        return FilledSources(files, None if table is None else [float(value) for value in table.entries], True)
+
+    def _keys(self, kind: str) -> list[tuple[str, bool]]:
+        """What a kind is kept under, for the structure and for the numbers alone."""
+        words = f"{recall.generator()}\n{self.emission}\n{kind}\n{self.traced.digest}"
+        numbers = " ".join(map(float.hex, self.traced.numbers))
+        return [(_key(words), False), (_key(f"{words}\n{numbers}"), True)]
+
+
+def structured(model: Model, emission: str) -> Structured | None:
+    """A model as one of its structure; None where its numbers are not told from it."""
+    found = traced(model)
+    return None if found is None else Structured(found, emission)
+
+
+def of(programs: Programs) -> Structured | None:
+    """The same of a mechanism, found once."""
+    number = id(programs)
+    if number not in _found:
+        associate(programs, structured(programs.equations.model, programs.emission))
+    return _found[number]
+
+
+def associate(programs: Programs, found: Structured | None) -> None:
+    """Let this be what `of` finds."""
+    _found[id(programs)] = found
+    finalize(programs, _found.pop, id(programs), None)
+
+
+_found: dict[int, Structured | None] = {}
+"""{id of programs: the mechanism as one of its structure}, as long as they are there."""
+
+
+def _key(words: str) -> str:
+    return hashlib.sha256(words.encode()).hexdigest()[:40]
+
+
+def _restored_trace(operations: Sequence[Any], comparisons: Sequence[Any]) -> tuple[list[Operation], list[Comparison]]:
+    return [(code, tuple(operands)) for code, operands in operations], [Comparison(*each) for each in comparisons]
