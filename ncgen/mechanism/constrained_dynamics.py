@@ -13,6 +13,7 @@ from ncgen.emit.naming import prefix_of
 from ncgen.emit.number_table import FilledSources, table_getter
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.motion_check import serves
 from ncgen.mechanism.motion_sources import Seen, filled_motion, motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.recall import Files
@@ -77,14 +78,14 @@ class ConstrainedDynamics(Dynamics):
     @staticmethod
     def _written_out(kernels: Kernels, number: str, samples_of: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
         """What gives the emitted motion, if there is one, and the library that it lives in."""
-        source = filled_motion(kernels, samples_of) if number == "double" else FilledSources(motion_source(kernels, samples_of), None)
-        if not source.files:
-            return None
-        prefix = prefix_of(kernels.name)
-        getter = f"{prefix}_recursion"
-        declarations = f"const ncgen_motion *{getter}(void);"
-        _, home = load_with_headers(source.files, number, declarations, table_getter(prefix), source.values)
-        return getattr(home, getter), home
+        if number != "double":
+            loaded = _loaded_motion(kernels, number, FilledSources(motion_source(kernels, samples_of), None))
+            return loaded and loaded[1:]
+        source = filled_motion(kernels, samples_of)
+        loaded = _loaded_motion(kernels, number, source)
+        if loaded and not serves(kernels, source, loaded[0], loaded[1]()):
+            loaded = _loaded_motion(kernels, number, filled_motion(kernels, samples_of, is_own=True))
+        return loaded and loaded[1:]
 
     @property
     def _eliminated(self) -> int:
@@ -140,3 +141,14 @@ class ConstrainedDynamics(Dynamics):
             # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
             done = super().simulate(method, times, q, velocities, p, newton=True, **options)
         return done
+
+
+def _loaded_motion(kernels: Kernels, number: str, source: FilledSources) -> tuple[Interface, Callable[[], InC], InC] | None:
+    """The interface of an emitted motion, what gives it, and the library that it lives in; None where there is none."""
+    if not source.files:
+        return None
+    prefix = prefix_of(kernels.name)
+    getter = f"{prefix}_recursion"
+    declarations = f"const ncgen_motion *{getter}(void);"
+    ffi, home = load_with_headers(source.files, number, declarations, table_getter(prefix), source.values)
+    return ffi, getattr(home, getter), home

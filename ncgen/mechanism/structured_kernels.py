@@ -25,9 +25,7 @@ def kept_sources(structure: Structured, model: Model) -> Sources | None:
     if found is None:
         return None
     programs, phi_q, mass, omitted = found.more
-    made = Programs(
-        equations=DeferredTerms(model), programs=programs, phi_q=phi_q, mass=mass, emission=structure.emission, omitted=omitted
-    )
+    made = Programs(equations=DeferredTerms(model), programs=programs, phi_q=phi_q, mass=mass, emission=structure.emission, omitted=omitted)
     numbered.associate(made, structure)
     return Sources(made, {}, found.sources)
 

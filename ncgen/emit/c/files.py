@@ -61,9 +61,7 @@ def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iter
     return {f"{prefix}_dynamics.{end}": render(f"c/dynamics.{end}.jinja", **records) for end in "ch"}
 
 
-def motion_files(
-    programs: MotionPrograms, equations: Terms, forced: bool = False, numbers: NumberTable | None = None
-) -> dict[str, str]:
+def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = False, numbers: NumberTable | None = None) -> dict[str, str]:
     """{file name: text}: the motion of all coordinates, for the runtime to integrate; long programs in files of their own. forced: the
     derivative takes forces as one more input; numbers: as of `model_files`."""
     prefix = prefix_of(equations.model.name)
@@ -116,7 +114,7 @@ def _model_records(programs: Programs, prefix: str, numbers: NumberTable | None)
     parameters = equations.parameters
     return {
         **program_records(programs.programs.values(), prefix, "", numbers),
-        **(_tables_of_numbers(equations, numbers) if numbers else {}),
+        **_tables_of_numbers(equations, numbers),
         "model": model,
         "coordinates": [c.name for c in equations.free],
         "initial": [number(c.initial) for c in equations.free],
@@ -131,7 +129,7 @@ def _model_records(programs: Programs, prefix: str, numbers: NumberTable | None)
     }
 
 
-def _tables_of_numbers(equations: Terms, numbers: NumberTable) -> Record:
+def _tables_of_numbers(equations: Terms, numbers: NumberTable | None) -> Record:
     """What the model's structure points to in a table of numbers."""
     tables = {"initial_table": [c.initial for c in equations.free], "default_table": [p.default for p in equations.parameters]}
-    return {name: numbers.column(values) for name, values in tables.items()}
+    return {name: numbers and numbers.column(values) for name, values in tables.items()}

@@ -44,7 +44,7 @@ from ncgen.program.lines import Lines
 from ncgen.program.motions.motion import assemble_motions
 from ncgen.program.motions.sliding_derivatives import with_friction
 from ncgen.program.programs import ENERGIES, Split
-from ncgen.program.tree.closed_positions import assemble_closed_positions
+from ncgen.program.tree.closed_positions import assemble_closed_positions, is_described
 from ncgen.program.tree.composite import massless
 from ncgen.program.tree.rates import NoRecursion
 from ncgen.program.tree.recursion import assemble_recursions
@@ -84,7 +84,7 @@ class MotionPrograms:
     """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ].
 
     prepare: gives what depends on parameters alone, which the others read behind p; None where nothing does
-    is_general: whether they are right for other numbers in the same equations, too
+    is_general: whether all of their numbers come from the equations, and none from samples of positions
     """
 
     derivative: Program
@@ -140,13 +140,13 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
     """The motion of all coordinates by the cheapest recursion; None where there is none. Arguments as for `assemble_dynamics`, the split
     of the positions; forced: as of `assemble_motions`."""
     try:
-        ways, velocities, is_general = assemble_motions(equations, samples, np.asarray(sizes), forced)
+        ways, velocities = assemble_motions(equations, samples, np.asarray(sizes), forced)
         n = len(equations.free)
         parts = (ways[cheapest(ways)], velocities, closing(equations, split, samples, sizes, range(n)))
     except (NoRecursion, EliminationError, SingularError):
         return None
     prepare, (derivative, velocities, closed) = take_out(parts, equations)
-    motion = MotionPrograms(derivative, velocities, closed, prepare, is_general)
+    motion = MotionPrograms(derivative, velocities, closed, prepare, is_described(equations, samples[0]))
     for program in motion.all:
         verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + motion.prepared})
     return motion

@@ -32,11 +32,11 @@ PIVOT_WEIGHT = 0.2
 
 def assemble_motions(
     equations: Terms, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False
-) -> tuple[dict[str, Program], Program, bool]:
-    """`derivative` by every recursion that applies, `velocities`, and whether they are right for other numbers in the same equations.
-    Arguments and errors as for `assemble_recursions`; forced: with `forces`, along all coordinates, as one more input of the derivative."""
+) -> tuple[dict[str, Program], Program]:
+    """`derivative` by every recursion that applies, and `velocities`. Arguments and errors as for `assemble_recursions`; forced: with
+    `forces`, along all coordinates, as one more input of the derivative."""
     work = Recursion(equations, None, samples, sizes, forced)
-    return {name: _derivative(work, zdd) for name, zdd in work.ways()}, _velocities(work), work.is_free_of_samples
+    return {name: _derivative(work, zdd) for name, zdd in work.ways()}, _velocities(work)
 
 
 def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ncgen.model.elements import Angle, Combination, Component, Point, Spatial
+from ncgen.model.values import is_number
 from ncgen.program.algebra.space import Space, Vector
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.sampling import Sample, Sampling
@@ -23,6 +25,9 @@ from ncgen.symbolic.tree import Tree, TreeLink, moving, spanning_tree
 
 POSITION_TOLERANCE = 1e-9
 """Natural sizes by which positions may differ from those of samples, and cosines from 0."""
+
+DESCRIBED = 1e-13
+"""By which a coordinate of the described position may differ from one that is consistent (m, or a share of it)."""
 
 ROUNDING = 1e-14
 """Shares of a body's frame below this are 0, and 1 or −1 where they differ from that by less."""
@@ -104,6 +109,7 @@ class _Placing:
 
     def __init__(self, lines: Lines, known: Sample, tree: Tree, hinges: Sequence[Hinge]) -> None:
         self.lines, self.space, self.known = lines, Space(lines.graph), known
+        self.is_described = is_described(lines.equations, known)
         self.placed: dict[Spatial, Vector] = {}
         for number, (link, hinge) in enumerate(zip(tree.links, hinges, strict=True)):
             self._place(link, hinge, [element for element, home in tree.home.items() if home == number])
@@ -112,35 +118,52 @@ class _Placing:
         space, graph = self.space, self.lines.graph
         point = link.screws[0].point
         assert point is not None, "a hinge turns about a point"
-        turn = self._number(hinge.angle.components[0])
-        axis, start = (self._unit(direction) for direction in (hinge.angle.axis, hinge.start))
-        across = space.cross(axis[0], start[0])
-        psi = graph.load("q", self.lines.equations.index[hinge.angle.components[0]])
-        c, s = graph.call("cos", psi), graph.mul(graph.const(hinge.sign), graph.call("sin", psi))
-        ahead = space.add(space.times(c, start[0]), space.times(s, across))
-        normal_part = space.sub(space.times(c, across), space.times(s, start[0]))
-        sideways = np.cross(axis[1], start[1])
-        cosine, sine = np.cos(turn), hinge.sign * np.sin(turn)
-        frame = np.array([axis[1], cosine * start[1] + sine * sideways, cosine * sideways - sine * start[1]])
-        if abs(axis[1] @ start[1]) > POSITION_TOLERANCE:
+        axis, start = self._unit(hinge.angle.axis), self._unit(hinge.start)
+        if abs(self._value(space.dot(axis.known, start.known))) > POSITION_TOLERANCE:
             raise NoRecursion(f"{hinge.angle.name} is not measured across its axis")
+        sign = graph.const(hinge.sign)
+        psi = graph.load("q", self.lines.equations.index[hinge.angle.components[0]])
+        frame = self._turned(axis.nodes, start.nodes, graph.call("cos", psi), graph.mul(sign, graph.call("sin", psi)))
+        turn = self._number(hinge.angle.components[0])
+        known = self._turned(axis.known, start.known, graph.call("cos", turn), graph.mul(sign, graph.call("sin", turn)))
         origin = self._numbers(point)
         for element in elements:
             if element in self.placed:
                 continue
-            shares = frame @ (self._numbers(element) - (origin if isinstance(element, Point) else 0.0))
-            shares[np.abs(shares) < ROUNDING * np.max(np.abs(shares))] = 0.0
-            shares = np.where(np.abs(np.abs(shares) - 1.0) < ROUNDING, np.sign(shares), shares)
-            parts = [space.times(graph.const(float(x)), v) for x, v in zip(shares, (axis[0], ahead, normal_part), strict=True)]
+            arm = space.sub(self._numbers(element), origin) if isinstance(element, Point) else self._numbers(element)
+            parts = [space.times(x, v) for x, v in zip(self._shares(known, arm), frame, strict=True)]
             self.placed[element] = space.sum([self._nodes(point), *parts] if isinstance(element, Point) else parts)
 
-    def _unit(self, direction: Combination) -> tuple[Vector, np.ndarray]:
-        """A direction of length 1: as nodes, and as numbers in the known position."""
+    def _turned(self, axis: Vector, start: Vector, c: int, s: int) -> tuple[Vector, Vector, Vector]:
+        """The frame of a hinge's axis n, b = c a + s n × a, and n × b."""
         space = self.space
-        numbers = sum((float(w) * self._numbers(e) for w, e in direction.terms), np.zeros(3))
-        length = float(np.linalg.norm(numbers))
-        nodes = space.sum(space.times(self.lines.value(float(w)), self._nodes(e)) for w, e in direction.terms)
-        return space.times(self.lines.graph.const(1.0 if abs(length - 1.0) < ROUNDING else 1.0 / length), nodes), numbers / length
+        across = space.cross(axis, start)
+        return axis, space.add(space.times(c, start), space.times(s, across)), space.sub(space.times(c, across), space.times(s, start))
+
+    def _shares(self, frame: tuple[Vector, Vector, Vector], arm: Vector) -> list[int]:
+        """An arm in a frame, both known."""
+        shares = [self.space.dot(v, arm) for v in frame]
+        largest = max(abs(self._value(node)) for node in shares)
+        return [self._rounded(node, largest) for node in shares]
+
+    def _rounded(self, node: int, largest: float) -> int:
+        """A share, 0, 1 or −1 where it is that but for rounding."""
+        graph, x = self.lines.graph, self._value(node)
+        if abs(x) < ROUNDING * largest:
+            return graph.const(0.0)
+        return graph.const(1.0 if x > 0 else -1.0) if abs(abs(x) - 1.0) < ROUNDING else node
+
+    def _unit(self, direction: Combination) -> Unit:
+        space, graph = self.space, self.lines.graph
+        weights = [graph.const(w) for w, _ in direction.terms]
+        elements = [e for _, e in direction.terms]
+        known = space.sum(space.times(w, self._numbers(e)) for w, e in zip(weights, elements, strict=True))
+        nodes = space.sum(space.times(w, self._nodes(e)) for w, e in zip(weights, elements, strict=True))
+        length = graph.call("sqrt", space.dot(known, known))
+        if abs(self._value(length) - 1.0) < ROUNDING:
+            return Unit(nodes, known)
+        shorter = graph.div(graph.const(1.0), length)
+        return Unit(space.times(shorter, nodes), space.times(shorter, known))
 
     def _nodes(self, element: Spatial) -> Vector:
         if element in self.placed:
@@ -150,10 +173,32 @@ class _Placing:
         x, y, z = (self.lines.value(component.value) for component in element.components)
         return x, y, z
 
-    def _numbers(self, element: Spatial) -> np.ndarray:
-        return np.array([self._number(component) for component in element.components])
+    def _value(self, node: int) -> float:
+        """The number of a known node."""
+        value = self.lines.graph.value(node)
+        assert value is not None, "a number of the known position"
+        return value
 
-    def _number(self, component: Component) -> float:
-        """A coordinate in the known position."""
-        equations = self.lines.equations
-        return float(self.known.q[equations.index[component]]) if equations.moves(component) else component.initial
+    def _numbers(self, element: Spatial) -> Vector:
+        x, y, z = map(self._number, element.components)
+        return x, y, z
+
+    def _number(self, component: Component) -> int:
+        """A coordinate in the known position: as it is described, where that is the known position."""
+        equations, graph = self.lines.equations, self.lines.graph
+        described = component.value if self.is_described and is_number(component.value) else component.initial
+        is_known = self.is_described or not equations.moves(component)
+        return graph.const(described if is_known else float(self.known.q[equations.index[component]]))
+
+
+class Unit(NamedTuple):
+    """A direction of length 1: now, and in the known position."""
+
+    nodes: Vector
+    known: Vector
+
+
+def is_described(equations: Terms, known: Sample) -> bool:
+    """Whether a position is the one that is described, but for rounding."""
+    described = np.array([float(component.initial) for component in equations.free])
+    return bool(np.all(np.abs(known.q - described) <= DESCRIBED * np.maximum(np.abs(described), 1.0)))

@@ -321,11 +321,6 @@ class Recursion:
         each = sorted(k for ks in joints for k in ks) == list(range(self.joints)) and all(len(ks) == 1 for ks in joints)
         return signs and each and not self.loads.mass and not self.nu and not self.bias
 
-    @property
-    def is_free_of_samples(self) -> bool:
-        """True if no number of the samples says what vanishes: where joints are coupled at constant ratios at most."""
-        return all(self.graph.value(node) is not None for row in self.rows for node in row.entries.values())
-
     def _solve_articulated(self, forces: Column) -> list[int]:
         joints = range(self.joints)
         right = {k: forces.get(k, self.zero) for k in joints}
