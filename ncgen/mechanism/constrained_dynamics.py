@@ -15,6 +15,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_sources import Seen, motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.recall import Files, derived
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.mechanism.runtime import Dynamics, Outcome
 from ncgen.mechanism.runtime_library import Part, compiling_thread, load_with_headers, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
@@ -129,15 +130,13 @@ class ConstrainedDynamics(Dynamics):
         described.n_dependent = rank
         return self._model, described
 
-    def simulate(
-        self, method: str, times: ArrayLike, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, *, rank: int = 0, **options: InC
-    ) -> Outcome:
+    def simulate(self, method: str, times: ArrayLike, initial: InitialState, *, rank: int = 0, **options: InC) -> Outcome:
         """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
         self._dynamics.n_dependent = rank
-        done = super().simulate(method, times, q, velocities, p, **options)
+        done = super().simulate(method, times, initial, **options)
         if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
             # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
-            done = super().simulate(method, times, q, velocities, p, newton=True, **options)
+            done = super().simulate(method, times, initial, newton=True, **options)
         return done
 
 

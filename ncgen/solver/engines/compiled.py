@@ -8,6 +8,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.run_arguments import InitialState, Monitor
 from ncgen.methods.newmark import newmark
 from ncgen.methods.table import number_in_c
 from ncgen.solver.finite import on_the_way
@@ -77,12 +78,11 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     begun = len(path.q)
     times = grid[begun:]
     done = dynamics.simulate(
-        method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
-        **in_c,
-        rank=task.rank_at(kernels, q, times[0]), conditions=task.watched, max_step=task.step_in_c,
-        progress=Progress(task.progress, kernels.name, task.arrival), choose=rule_of(kernels),
-        movable=task.movable_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
-        first_step=task.first_step, **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
+        method.integrator.name, times, InitialState(q, qd, p), inputs=task.inputs_in_c(rule_of(kernels)),
+        monitor=Monitor(conditions=task.watched, progress=Progress(task.progress, kernels.name, task.arrival)),
+        movable=task.movable_from(begun), rank=task.rank_at(kernels, q, times[0]), formalism=number_in_c(method.formalism), **in_c,
+        tolerance=closeness(number), max_step=task.step_in_c, stop_when_stiff=int(task.stop_when_stiff), first_step=task.first_step,
+        **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
     task.looked_at(begun, done.t)
     path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
@@ -183,9 +183,10 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             progress(t)
             dynamics = _for_next(kernels, partitions, form, len(used_partitions), q, p, number)
             done = dynamics.simulate(
-                method.integrator.name, times, q, zd, p, max_step=task.step_in_c, conditions=task.watched, tolerance=closeness(number),
-                max_growth=growth, progress=progress, movable=movable, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
-                breaks=task.breaks, choose=rule_of(kernels), **_in_c(task.tolerances, kernels, partitions),
+                method.integrator.name, times, InitialState(q, zd, p), inputs=task.inputs_in_c(rule_of(kernels)),
+                monitor=Monitor(conditions=task.watched, progress=progress), movable=movable, max_step=task.step_in_c,
+                tolerance=closeness(number), max_growth=growth, stop_when_stiff=int(task.stop_when_stiff),
+                **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)

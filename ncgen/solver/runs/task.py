@@ -10,8 +10,8 @@ import numpy as np
 
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.conditions_in_c import Conditions
-from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.run_arguments import RunInputs
 from ncgen.methods.method import Method
 from ncgen.solver.positions.rank import rank_at
 from ncgen.solver.runs.signals import Signals
@@ -81,7 +81,7 @@ class Task:
     @property
     def step_in_c(self) -> float:
         """`max_step` of `ncgen_options`."""
-        return -1.0 if self.steps_to_rows else self.max_step
+        return -1.0 if self.steps_to_rows else 0.0 if np.isinf(self.max_step) else self.max_step
 
     @property
     def steps(self) -> int:
@@ -115,7 +115,6 @@ class Task:
         """Where steps with error control are to arrive (s); None where a stop may end the run before."""
         return None if self.watched or self.method.has_fixed_step else float(self.grid[-1])
 
-    @property
-    def driven(self) -> tuple[InputPieces | Function | None, ...]:
-        """What C is given for every input, () where nothing drives the mechanism."""
-        return self.signals.functions if self.signals else ()
+    def inputs_in_c(self, rule: Callable[[np.ndarray, np.ndarray], np.ndarray] | None) -> RunInputs:
+        """What changes parameters on the way, with a rule of positions."""
+        return RunInputs(signals=self.signals.functions if self.signals else (), breaks=self.breaks, rule=rule)
