@@ -45,8 +45,8 @@ def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[He
     joints = [k for k, each in enumerate(sliding) if each.is_joint]
     contacts = [k for k, each in enumerate(sliding) if not each.is_joint]
     signs = [*product(*[(1.0, -1.0) if each.is_joint else (1.0,) for each in sliding])]
-    for part in (*([()] if joints else []), *parts(len(contacts))):
-        chosen = [*(contacts[k] for k in part), *joints]
+    for closed in (*([()] if joints else []), *parts(len(contacts))):
+        chosen = [*(contacts[k] for k in closed), *joints]
         block = np.ix_(chosen, chosen)
         whole = float(np.linalg.det(plain[block]))
         if not all(is_positive(np.linalg.det((plain @ (np.eye(len(sliding)) - by_friction * each))[block]), whole) for each in signs):
