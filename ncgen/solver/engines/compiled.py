@@ -12,8 +12,10 @@ from ncgen.mechanism.run_arguments import InitialState, Monitor
 from ncgen.methods.newmark import newmark
 from ncgen.methods.table import number_in_c
 from ncgen.solver.finite import on_the_way
+from ncgen.solver.formalisms.kkt import MAX_DENSE_UNKNOWNS
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.positions.branches import refresh_branches, rule_of
+from ncgen.solver.positions.described_position import found_in_described, is_described
 from ncgen.solver.positions.partition import (
     MIN_GAIN,
     Partitions,
@@ -68,7 +70,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
         # the step of a part before it has been checked.
         key = q.tobytes(), float(grid[0]), p.tobytes()
-        kernels.remember("inertia of all motions", key, lambda: bool(least_energy(kernels, q, float(grid[0]), p)), REMEMBERED)
+        kernels.remember("inertia of all motions", key, lambda: _all_have_inertia(kernels, q, float(grid[0]), p), REMEMBERED)
     settings = method.options
     in_c = settings_in_c(settings)
     if len(path.q):
@@ -105,6 +107,16 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
             "comes to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
+
+
+def _all_have_inertia(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
+    """True. Raises SingularError where a motion that the constraints allow has no inertia."""
+
+    def find() -> bool:
+        return bool(least_energy(kernels, q, t, p))
+
+    is_kept = kernels.n + kernels.m > MAX_DENSE_UNKNOWNS and is_described(kernels, q, t, p)
+    return found_in_described(kernels, "inertia of all motions", find) if is_kept else find()
 
 
 def settings_in_c(settings: dict[str, Any]) -> dict[str, float]:
