@@ -7,11 +7,11 @@ import pytest
 
 import ncgen
 from benchmarks import falls, students
+from benchmarks.foreign import handwritten
 from benchmarks.measurements import _simulation_rows, kernel_records
 from benchmarks.positions import worst_errors
 from benchmarks.rivals import lambdified, octave
 from ncgen.comparisons.compare import aligned
-from ncgen.comparisons.rivals import handwritten
 from ncgen.report import clock
 
 
