@@ -35,7 +35,7 @@ UNNAMED_ARGUMENTS = ("position", "direction", "field")
 """Arguments that go without saying in messages: their axes are named."""
 
 
-class Reading(NamedTuple):
+class ArgumentReading(NamedTuple):
     """How an argument of a method is read; is_optional: it may be None; are_many: it stands for any number of them."""
 
     key: str
@@ -44,18 +44,18 @@ class Reading(NamedTuple):
     are_many: bool
 
 
-def readings_of(signature: inspect.Signature) -> tuple[Reading, ...]:
+def readings_of(signature: inspect.Signature) -> tuple[ArgumentReading, ...]:
     """How the arguments of a method are read that are brought to what their annotations say."""
     annotated = [(parameter, parameter.annotation) for parameter in signature.parameters.values() if isinstance(parameter.annotation, str)]
     kinds = [(parameter, kind, kind.removesuffix(" | None")) for parameter, kind in annotated if parameter.name != "name"]
     return tuple(
-        Reading(parameter.name, READERS[kind], kind != whole, parameter.kind is parameter.VAR_POSITIONAL)
+        ArgumentReading(parameter.name, READERS[kind], kind != whole, parameter.kind is parameter.VAR_POSITIONAL)
         for parameter, whole, kind in kinds
         if kind in READERS
     )
 
 
-def read(model: Contents, word: str, bound: inspect.BoundArguments, readings: Sequence[Reading]) -> None:
+def read(model: Contents, word: str, bound: inspect.BoundArguments, readings: Sequence[ArgumentReading]) -> None:
     """Bring the arguments of a call to what the method's annotations say. Raises ModelError naming method, thing and argument.
 
     A new name is checked, and kept in its normal form.
