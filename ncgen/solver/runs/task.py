@@ -96,15 +96,6 @@ class Task:
         equal = self.method.is_stepper and not self.steps_to_rows
         return float(self.grid[-1] - self.grid[0]) / self.steps if equal else self.max_step
 
-    def unseen(self, sizes: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Velocities (n,) that steps do not tell from none: of an error within the tolerances, or a tenth of what a fixed step changes.
-
-        sizes, qd, qdd (n,): natural sizes of coordinates, velocities and accelerations
-        """
-        if (step := self.step) is not None:
-            return 0.1 * step * np.abs(qdd)
-        return self.tolerances.atol * (sizes if self.tolerances.natural else 1.0) + self.tolerances.rtol * np.abs(qd)
-
     @property
     def watched(self) -> Conditions | None:
         """The conditions at the first of which C ends the run."""
