@@ -41,7 +41,7 @@ def _completed(text: str, method: FunctionType, meanings: dict[str, str]) -> str
     """A docstring in NumPy's style with entries for all parameters that have a meaning, in the order of the signature."""
     names = method.__code__.co_varnames[: method.__code__.co_argcount]
     optional = names[len(names) - len(method.__defaults__ or ()) :]
-    before, after = (part or "" for part in re.split(r"(?=\n\nReturns\n|\n\nRaises\n)|\Z", text, maxsplit=1))
+    before, after = re.split(r"(?=\n\nReturns\n|\n\nRaises\n)|\Z", text, maxsplit=1)
     head, _, section = before.partition("\n\nParameters\n----------\n")
     entries = {entry[1]: entry[0].rstrip("\n") for entry in ENTRY.finditer(section)}
     if not (missing := [name for name in names if name in meanings and name not in entries]):
