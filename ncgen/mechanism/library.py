@@ -59,6 +59,11 @@ class CompiledKernels(Kernels):
         return getattr(self.descriptor, kernel)
 
     @property
+    def computed_by(self) -> str:
+        """As of all kernels: the key of the library, which its compiler and flags are part of."""
+        return f"{self.backend} {self.library.parent.name}"
+
+    @property
     def fingerprint(self) -> str:
         """A digest of the generated source, and of the numbers that it reads."""
         of_source = self._ffi.string(self.descriptor.fingerprint).decode()

@@ -15,6 +15,7 @@ from weakref import finalize
 
 from ncgen.emit.number_table import FilledSources, NumberTable
 from ncgen.mechanism import recall
+from ncgen.mechanism.generator_identity import generator_identity
 from ncgen.mechanism.recall import Files
 from ncgen.model import Model
 from ncgen.model.traced_numbers import Comparison, Operation, Trace, computed
@@ -74,7 +75,7 @@ class Structured:
 
     def _keys(self, kind: str) -> list[tuple[str, bool]]:
         """What a kind is kept under, for the structure and for the numbers alone."""
-        words = f"{recall.generator()}\n{self.emission}\n{kind}\n{self.traced.digest}"
+        words = f"{generator_identity()}\n{self.emission}\n{kind}\n{self.traced.digest}"
         numbers = " ".join(map(float.hex, self.traced.numbers))
         return [(_key(words), False), (_key(f"{words}\n{numbers}"), True)]
 

@@ -4,9 +4,6 @@
 #include "ncgen_rubbing.h"
 #include "ncgen_state.h"
 
-/* Of velocities that miss the constraints after a lock has closed. */
-static const ncgen_scalar locked = R(1.0e-9);
-
 static int *flags(const ncgen_events *events, const ncgen_passage *passage, int which)
 {
     return passage->flags + which * events->n_holds;
@@ -108,15 +105,9 @@ static int misses(ncgen_instant *i, const ncgen_driven *d, ncgen_real speed, int
     const ncgen_pattern *pattern = &model->phi_q_pattern;
     ncgen_real *values = d->workspace, *nu = values + ncgen_nonzeros(pattern); /* which no call uses now */
     int status = model->phi_q(i->moment->t, i->moment->q, i->p, values);
-    *does = 0;
     if (status == NCGEN_OK && model->nu)
         status = model->nu(i->moment->t, i->moment->q, i->p, nu);
-    for (int r = 0; r < model->n_rows && status == NCGEN_OK; ++r) {
-        ncgen_real sum = model->nu ? -nu[r] : 0, size = NCGEN_ABS(sum) + d->dynamics->row_sizes[r] * speed;
-        for (int k = pattern->indptr[r]; k < pattern->indptr[r + 1]; ++k)
-            sum += values[k] * i->moment->qd[pattern->indices[k]];
-        *does |= !(NCGEN_ABS(sum) <= locked * size);
-    }
+    *does = status == NCGEN_OK && ncgen_is_missed(pattern, values, model->nu ? nu : NULL, d->dynamics->column_sizes, speed, i->moment->qd);
     return status;
 }
 
