@@ -22,7 +22,7 @@ from ncgen.model.traced_numbers import Comparison, Operation, Trace, computed
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.programs import Programs
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.structure import TracedModel, traced
+from ncgen.symbolic.traced_model import TracedModel, traced
 from ncgen.toolchain.cache_location import keep, kept
 
 FUNCTIONS_OF_NUMBERS = {name: function.python for name, function in FUNCTIONS.items()}
