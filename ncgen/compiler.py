@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ncgen.mechanism.library import CompiledKernels
     from ncgen.mechanism.numbered import Structured
     from ncgen.mechanism.numpy_module import NumPyKernels
+    from ncgen.program.programs import Programs
 
 BACKENDS = ("auto", "c", "numpy")
 EFFORTS = ("auto", "most")
@@ -83,18 +84,21 @@ def generate(model: Model, emission: str = "auto", timings: Timings | None = Non
     ModelError
         Where the model cannot be generated.
     """
-    model = checked_model(model)
-    timings = timings or Timings()
-    timings.stage("import", _import_generator)
     from ncgen.emit.sources import Sources
+
+    return Sources(_programs(checked_model(model), emission, timings or Timings()))
+
+
+def _programs(model: Model, emission: str, timings: Timings, structure: Structured | None = None) -> Programs:
+    """The programs of a mechanism; with a structure, their numbers are traced."""
+    timings.stage("import", _import_generator)
     from ncgen.program.assemble import assemble
     from ncgen.symbolic.equations import build_equations
     from ncgen.toolchain.undisturbed import undisturbed
 
     with undisturbed():
-        equations = timings.stage("symbolic", build_equations, model)
-        programs = timings.stage("program", assemble, equations, emission)
-    return Sources(programs)
+        equations = timings.stage("symbolic", lambda: structure.terms if structure else build_equations(model))
+        return timings.stage("program", assemble, equations, emission)
 
 
 @overload
@@ -193,18 +197,12 @@ def sources_of(model: Model | Sources, emission: str, timings: Timings, cached: 
 
 def _of_structure(structure: Structured, model: Model, timings: Timings) -> Sources:
     """Sources whose numbers are data, as they were kept or generated."""
-    from ncgen.mechanism.structured_kernels import kept_sources, remembered
+    from ncgen.mechanism.structured_kernels import kept_sources, remembered_sources
 
     sources = timings.stage("recall", kept_sources, structure, model)
     if sources is None:
-        timings.stage("import", _import_generator)
-        from ncgen.program.assemble import assemble
-        from ncgen.toolchain.undisturbed import undisturbed
-
-        with undisturbed():
-            equations = timings.stage("symbolic", lambda: structure.terms)
-            programs = timings.stage("program", assemble, equations, structure.emission)
-        sources = timings.stage("keep", remembered, structure, model, programs)
+        programs = _programs(model, structure.emission, timings, structure)
+        sources = timings.stage("keep", remembered_sources, structure, model, programs)
     return sources
 
 

@@ -14,22 +14,22 @@ class NumberTable:
     def __init__(self, name: str) -> None:
         self.name = name
         self.entries: list[float] = []
-        self._places: dict[str | tuple[str, ...], int] = {}
+        self._positions: dict[tuple[str, ...], int] = {}
 
     def element(self, value: Traced) -> str:
         """A number as C reads it."""
-        place = self._places.setdefault(value.hex(), len(self.entries))
-        if place == len(self.entries):
-            self.entries.append(value)
-        return f"{self.name}[{place}]"
+        return f"{self.name}[{self._position([value])}]"
 
     def column(self, values: Iterable[float]) -> str:
         """Several numbers one after the other, as C points to the first of them."""
-        column = list(values)
-        place = self._places.setdefault(tuple(value.hex() for value in column), len(self.entries))
-        if place == len(self.entries):
-            self.entries += column
-        return f"({self.name} + {place})"
+        return f"({self.name} + {self._position(list(values))})"
+
+    def _position(self, values: list[float]) -> int:
+        """Where numbers stand one after the other."""
+        position = self._positions.setdefault(tuple(value.hex() for value in values), len(self.entries))
+        if position == len(self.entries):
+            self.entries += values
+        return position
 
 
 class FilledSources(NamedTuple):

@@ -95,7 +95,7 @@ class _Check:
         out, n = np.empty(size), self.kernels.n
         is_forced = name == "derivative" and not self._motion.derivative
         forces = (np.zeros(n),) if is_forced else ()
-        given = (*arrays, *forces, self.kernels.p0, out)
+        arguments = (*arrays, *forces, self.kernels.p0, out)
         function = self._motion.forced if is_forced else getattr(self._motion, name)
-        function(0.0, *(pointer(self._ffi, np.ascontiguousarray(a)) for a in given))
+        function(0.0, *(pointer(self._ffi, np.ascontiguousarray(a)) for a in arguments))
         return out

@@ -58,9 +58,9 @@ def filled_motion(kernels: Kernels, samples_of: Callable[[], Seen | None], is_ow
     if structure is None:
         return FilledSources(motion_source(kernels, samples_of), None)
     kind = "forced motion" if forced else "motion"
-    found = structure.recall(kind, is_own)
-    if found is not None:
-        return found.sources
+    entry = structure.recall(kind, is_own)
+    if entry is not None:
+        return entry.sources
     with undisturbed():
         programs = _programs(kernels, samples_of)
         table = NumberTable(f"{prefix_of(kernels.name)}_recursion_numbers")

@@ -18,7 +18,7 @@ from ncgen.mechanism import recall
 from ncgen.mechanism.generator_identity import generator_identity
 from ncgen.mechanism.recall import Files
 from ncgen.model import Model
-from ncgen.model.traced_numbers import Comparison, Operation, Trace, computed
+from ncgen.model.traced_numbers import Operation, Trace, TracedComparison, computed
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.programs import Programs
 from ncgen.symbolic.numbering import Terms
@@ -28,7 +28,7 @@ from ncgen.toolchain.cache_location import keep, kept
 FUNCTIONS_OF_NUMBERS = {name: function.python for name, function in FUNCTIONS.items()}
 
 
-class Kept(NamedTuple):
+class KeptCode(NamedTuple):
     """What was kept: more than sources, restored for the numbers of a model, and the sources."""
 
     more: Any
@@ -49,28 +49,28 @@ class Structured:
 
         return build_equations(self.traced.model)
 
-    def recall(self, kind: str, only_own: bool = False) -> Kept | None:
-        """What was kept of a kind for these numbers, or for others where it holds for these, too. only_own: not for others."""
-        for key, is_own in self._keys(kind):
-            entry = kept(recall.KIND, key) if is_own or not only_own else None
+    def recall(self, kind: str, only_exact: bool = False) -> KeptCode | None:
+        """What was kept of a kind for these numbers, or for others where it holds for these, too. only_exact: not for others."""
+        for key, is_exact in self._keys(kind):
+            entry = kept(recall.KIND, key) if is_exact or not only_exact else None
             if entry is None:
                 continue
-            plain, files, places, *trace = entry
+            plain, files, table, *trace = entry
             operations, comparisons = _restored_trace(*trace)
             values = computed(operations, comparisons, self.traced.numbers, FUNCTIONS_OF_NUMBERS)
             if values is not None:
                 more = recall.restored(plain, Trace(operations), values)
-                return Kept(more, FilledSources(files, None if places is None else [values[k] for k in places], is_own))
+                return KeptCode(more, FilledSources(files, None if table is None else [values[k] for k in table], is_exact))
         return None
 
     def remember(self, kind: str, more: Any, files: Files, table: NumberTable | None, is_general: bool = True) -> FilledSources:
         """Keep what was generated from traced equations: for the structure, or for these numbers alone where something else is kept for
         the structure already, or where it is not general."""
         trace = self.traced.trace
-        places = None if table is None else [trace.operation(value) for value in table.entries]
-        entry = (recall.plain(more), files, places, trace.operations, trace.comparisons if is_general else [])
-        general, own = (key for key, _ in self._keys(kind))
-        keep(recall.KIND, general if is_general and kept(recall.KIND, general) is None else own, entry, recall.MAX_ENTRY_BYTES)
+        operations = None if table is None else [trace.operation(value) for value in table.entries]
+        entry = (recall.plain(more), files, operations, trace.operations, trace.comparisons if is_general else [])
+        general, exact = (key for key, _ in self._keys(kind))
+        keep(recall.KIND, general if is_general and kept(recall.KIND, general) is None else exact, entry, recall.MAX_ENTRY_BYTES)
         return FilledSources(files, None if table is None else [float(value) for value in table.entries], True)
 
     def _keys(self, kind: str) -> list[tuple[str, bool]]:
@@ -82,25 +82,25 @@ class Structured:
 
 def structured(model: Model, emission: str) -> Structured | None:
     """A model as one of its structure; None where its numbers are not told from it."""
-    found = traced(model)
-    return None if found is None else Structured(found, emission)
+    copy = traced(model)
+    return None if copy is None else Structured(copy, emission)
 
 
 def of(programs: Programs) -> Structured | None:
     """The same of a mechanism, found once."""
     number = id(programs)
-    if number not in _found:
+    if number not in _structures:
         associate(programs, structured(programs.equations.model, programs.emission))
-    return _found[number]
+    return _structures[number]
 
 
-def associate(programs: Programs, found: Structured | None) -> None:
+def associate(programs: Programs, structure: Structured | None) -> None:
     """Let this be what `of` finds."""
-    _found[id(programs)] = found
-    finalize(programs, _found.pop, id(programs), None)
+    _structures[id(programs)] = structure
+    finalize(programs, _structures.pop, id(programs), None)
 
 
-_found: dict[int, Structured | None] = {}
+_structures: dict[int, Structured | None] = {}
 """{id of programs: the mechanism as one of its structure}, as long as they are there."""
 
 
@@ -108,5 +108,5 @@ def _key(words: str) -> str:
     return hashlib.sha256(words.encode()).hexdigest()[:40]
 
 
-def _restored_trace(operations: Sequence[Any], comparisons: Sequence[Any]) -> tuple[list[Operation], list[Comparison]]:
-    return [(code, tuple(operands)) for code, operands in operations], [Comparison(*each) for each in comparisons]
+def _restored_trace(operations: Sequence[Any], comparisons: Sequence[Any]) -> tuple[list[Operation], list[TracedComparison]]:
+    return [(code, tuple(operands)) for code, operands in operations], [TracedComparison(*each) for each in comparisons]

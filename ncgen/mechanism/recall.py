@@ -177,6 +177,6 @@ def _restored(data: Any, number: Callable[[int], float] = float) -> Any:
             return number(parts)
         if name == "dict":
             return dict(_restored(parts, number))
-        members = [_restored(part, number) for part in parts]
+        members = [_restored(member, number) for member in parts]
         return PARTS[name](**dict(zip(FIELDS[name], members, strict=True)))
     return data

@@ -21,13 +21,13 @@ KIND = "kernels"
 def kept_sources(structure: Structured, model: Model) -> Sources | None:
     """The sources of a model of a structure that was compiled before, or None."""
     with undisturbed():
-        found = structure.recall(KIND)
-    if found is None:
+        entry = structure.recall(KIND)
+    if entry is None:
         return None
-    programs, phi_q, mass, omitted = found.more
+    programs, phi_q, mass, omitted = entry.more
     made = Programs(equations=DeferredTerms(model), programs=programs, phi_q=phi_q, mass=mass, emission=structure.emission, omitted=omitted)
     numbered.associate(made, structure)
-    return Sources(made, {}, found.sources)
+    return Sources(made, {}, entry.sources)
 
 
 def compiled_sources(programs: Programs) -> FilledSources:
@@ -39,7 +39,7 @@ def compiled_sources(programs: Programs) -> FilledSources:
     return FilledSources(files, list(map(float, table.entries)))
 
 
-def remembered(structure: Structured, model: Model, programs: Programs) -> Sources:
+def remembered_sources(structure: Structured, model: Model, programs: Programs) -> Sources:
     """The sources of programs that were generated from the traced equations of a model, which are kept."""
     table = NumberTable(f"{prefix_of(model.name)}_numbers")
     files = model_files(programs, table)

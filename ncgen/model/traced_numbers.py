@@ -28,7 +28,7 @@ Operation: TypeAlias = tuple[str, tuple[Any, ...]]
 """Code and operands: the numbers of other operations, or what an operation without operands is made of."""
 
 
-class Comparison(NamedTuple):
+class TracedComparison(NamedTuple):
     """Two operations that were compared: the operator's name, and the outcome."""
 
     name: str
@@ -46,8 +46,8 @@ class Trace:
         self._outcomes: dict[tuple[str, int, int], bool] = {}
 
     @property
-    def comparisons(self) -> list[Comparison]:
-        return [Comparison(*compared, outcome) for compared, outcome in self._outcomes.items()]
+    def comparisons(self) -> list[TracedComparison]:
+        return [TracedComparison(*compared, outcome) for compared, outcome in self._outcomes.items()]
 
     def is_given(self, value: object) -> bool:
         """True of a number of the model, and of its negative."""
@@ -83,7 +83,7 @@ class Trace:
 
 
 def computed(
-    operations: Sequence[Operation], comparisons: Sequence[Comparison], numbers: Sequence[float], functions: Mapping[str, Any]
+    operations: Sequence[Operation], comparisons: Sequence[TracedComparison], numbers: Sequence[float], functions: Mapping[str, Any]
 ) -> list[float] | None:
     """The results of a trace's operations for other numbers of a model; None where a comparison has another outcome or a result is not
     finite.

@@ -41,7 +41,7 @@ def test_long_sources_are_compiled_side_by_side(monkeypatch):
 def test_long_lines_are_compiled_with_what_they_need(monkeypatch):
     """All flags but -O3, and what of it a straight line gains by; short ones with -O3."""
     asked: list[set[str]] = []
-    monkeypatch.setattr(runtime_library, "load", lambda files, declarations, base, flags: asked.append(set(flags)))
+    monkeypatch.setattr(runtime_library, "load", lambda files, declarations, base, flags, *table: asked.append(set(flags)))
     for length in (LONG_LINES, LONG_LINES + 1):
         runtime_library.load_with_headers({"lines.c": " " * length}, "double", "")
     assert asked[0] >= set(FLAGS)

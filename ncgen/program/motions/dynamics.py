@@ -79,7 +79,7 @@ class DynamicsPrograms:
         return steps
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MotionPrograms:
     """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ].
 
@@ -146,7 +146,9 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
     except (NoRecursion, EliminationError, SingularError):
         return None
     prepare, (derivative, velocities, closed) = take_out(parts, equations)
-    motion = MotionPrograms(derivative, velocities, closed, prepare, is_described(equations, samples[0]))
+    motion = MotionPrograms(
+        derivative=derivative, velocities=velocities, closing=closed, prepare=prepare, is_general=is_described(equations, samples[0])
+    )
     for program in motion.all:
         verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + motion.prepared})
     return motion
@@ -159,12 +161,12 @@ def differentiated(programs: MotionPrograms, equations: Terms, kind: str, fricti
     """
     made, n, more = {"tangent": tangent_of, "adjoint": adjoint_of}[kind], len(equations.free), programs.prepared
     return MotionPrograms(
-        with_friction(programs.derivative, friction, equations, kind, more)
+        derivative=with_friction(programs.derivative, friction, equations, kind, more)
         if friction
         else made(programs.derivative, equations, 2 * n, more),
-        made(programs.velocities, equations, n, more),
-        made(programs.closing, equations, n, more),
-        made(programs.prepare, equations, more) if programs.prepare else None,
+        velocities=made(programs.velocities, equations, n, more),
+        closing=made(programs.closing, equations, n, more),
+        prepare=made(programs.prepare, equations, more) if programs.prepare else None,
     )
 
 
