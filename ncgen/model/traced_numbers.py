@@ -1,7 +1,7 @@
 """Numbers that know how they were computed from those of a model, so that code which was generated once serves other numbers, too.
 
-A `Traced` is a float. Arithmetic on it gives another one, and what it is compared with is recorded. Code that was generated for a model
-holds for other numbers in the same places where every comparison has the same outcome.
+A `Traced` is a float. Arithmetic on it gives another one, which equals it only if it is computed alike, and what it is compared with is
+recorded. Code that was generated for a model holds for other numbers in the same positions where every comparison has the same outcome.
 """
 
 from __future__ import annotations
@@ -70,9 +70,7 @@ class Trace:
 
     def compare(self, name: str, outcome: bool, left: float, right: float) -> bool:
         """Record the outcome of a comparison."""
-        a, b = self.operation(left), self.operation(right)
-        if a != b:
-            self._outcomes[name, a, b] = outcome
+        self._outcomes[name, self.operation(left), self.operation(right)] = outcome
         return outcome
 
     def _number_of(self, operation: Operation) -> int:
@@ -160,6 +158,8 @@ def _is_compared(name: str, function: Callable[[float, float], bool]) -> None:
     def compared(self: Traced, other: object) -> Any:
         if not isinstance(other, (float, int)):
             return NotImplemented
+        if isinstance(other, Traced) and name in ("eq", "ne"):
+            return function(self.operation, other.operation)  # that two numbers happen to be equal says nothing of others
         return self.trace.compare(name, function(float(self), float(other)), self, other)
 
     setattr(Traced, f"__{name}__", compared)
