@@ -28,7 +28,7 @@ class InitialState:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RunInputs:
-    """What changes parameters while a run goes on.
+    """What changes parameters while a run continues.
 
     signals: one an input of the mechanism: a table, a function of time, or None; () where all keep their values in p
     breaks (B, 2): of the laws in time, as `break_times` finds them, those of the signals' tables among them

@@ -16,7 +16,7 @@ def _library() -> InC:
 
 
 def parts(count: int) -> Iterator[tuple[int, ...]]:
-    """Parts of things that slide, those of fewer things first, whose loads are to be determined; nothing is none of them."""
+    """Parts of things that slide, those of fewer things first, whose loads are to be determined; the empty part is left out."""
     chosen = np.zeros(count, dtype=np.intc)
     while _library().ncgen_next_part(count, pointer(interface_of("double"), chosen, "int[]")):
         yield tuple(np.flatnonzero(chosen).tolist())
