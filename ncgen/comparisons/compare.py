@@ -1,11 +1,11 @@
-"""`ncgen compare`: kernels and derivatives by hand, generated and by differences; error next to time."""
+"""`ncgen compare`: kernels and derivatives, generated, by differences and of the user's own; error next to time."""
 
 from __future__ import annotations
 
 import csv
 import io
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -28,6 +28,10 @@ TITLES = {
 }
 NOISE_MARK = 0.3
 """Distance of the quartiles, relative to the median, from which a time is marked."""
+
+
+Rows: TypeAlias = Sequence[tuple[str, ...]]
+"""Cells, titles first."""
 
 
 def compare(model: Model, users: Sequence[str] = (), others: Others = nobody) -> Iterator[tuple[str, list[dict]]]:
@@ -120,6 +124,16 @@ HEAD = (
     "operations",
     "bytes",
 )
+
+
+def aligned(rows: Rows) -> list[str]:
+    """Rows of text as lines: the first column to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *others in rows:
+        cells = [first.ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(others, widths[1:], strict=True))]
+        lines.append(f"  {'  '.join(cells)}".rstrip())
+    return lines
 
 
 def table(records: list[dict]) -> list[tuple[str, ...]]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ncgen.comparisons import compare
-from ncgen.comparisons.bench import aligned
 from ncgen.comparisons.rivals import Others, nobody
 from ncgen.comparisons.rivals.user import UserFunction
 from ncgen.errors import NcgenError
@@ -80,7 +79,7 @@ class Comparison:
     @staticmethod
     def lines(section: Measured) -> list[str]:
         """A section for the terminal."""
-        return [section.title, *aligned(section.rows), *([section.text] if section.text else []), ""]
+        return [section.title, *compare.aligned(section.rows), *([section.text] if section.text else []), ""]
 
     def html(self) -> str:
         """The report as one file."""

@@ -19,7 +19,6 @@ import scipy
 
 from ncgen import __version__
 from ncgen.comparisons.compare import NOISE_MARK
-from ncgen.comparisons.falls import own_run
 from ncgen.compiler import compile
 from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism import runtime_library
@@ -28,8 +27,9 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
+from ncgen.solver.groups import StartArguments
 from ncgen.solver.motions.simulate import simulate_one
-from ncgen.solver.runs.simulation_options import check_simulation
+from ncgen.solver.runs.simulation_options import check_simulation, simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 from ncgen.toolchain.cache_location import keep, kept
@@ -123,6 +123,12 @@ def precision_records(model: Model, limit: float = LIMIT, **chosen: Any) -> list
             measured += _ladder(used, known, duration, start, formalism, integrator, engine, number, limit)
     _repeat([(record, again) for record, again in measured if record["seconds"] is not None and record["seconds"] < MIN_SECONDS])
     return [record for record, _ in measured]
+
+
+def own_run(kernels: Kernels, **others: Any) -> tuple[float, dict[str, Any]]:
+    """Duration (s) and beginning of the model's own simulation, with others that are not None in their place, for `simulate`."""
+    options = simulation_of(kernels.model, **others)
+    return float(options["duration"]), {k: options[k] for k in StartArguments.__annotations__ if k in options}
 
 
 def _check_motion(kernels: Kernels, duration: float, start: dict[str, Any]) -> None:

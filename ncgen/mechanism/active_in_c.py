@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime_library import interface_of, runtime_of
 from ncgen.toolchain.abi import InC
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Kind = Literal["NCGEN_HOLDS_GAP", "NCGEN_HOLDS_RUBBING_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_CONTACT", "NCGEN_HOLDS_RATCHET"]
 
@@ -78,6 +81,19 @@ class Active:
 def is_still(velocity: float, terms: float, drift: float = 0.0) -> bool:
     """Whether something does not move, but for rounding, whose velocity consists of terms and a drift."""
     return bool(runtime_of("double", "events").ncgen_is_still(velocity, terms, drift))
+
+
+def is_missed(jacobian: csr_array, nu: np.ndarray, sizes: np.ndarray, speed: float, qd: np.ndarray) -> bool:
+    """Whether velocities qd (n,) miss Φ_q q̇ = ν by more than rounding, so that a lock cannot close.
+
+    jacobian (m, n): Φ_q; nu (m,); sizes (n,): natural sizes of coordinates; speed: the largest velocity before (1/s) in these
+    """
+    ffi, (rows, columns) = interface_of("double"), jacobian.shape
+    arrays = {name: np.array(getattr(jacobian, name), dtype=np.intc) for name in ("indptr", "indices")}
+    members = {name: pointer(ffi, array, "int[]") for name, array in arrays.items()}
+    pattern = ffi.new("ncgen_pattern *", {"rows": rows, "columns": columns, **members})
+    values, nu_in_c, sizes_in_c, qd_in_c = (pointer(ffi, np.ascontiguousarray(each)) for each in (jacobian.data, nu, sizes, qd))
+    return bool(runtime_of("double", "events").ncgen_is_missed(pattern, values, nu_in_c, sizes_in_c, speed, qd_in_c))
 
 
 def leaves_none(mobility: float, whole: float) -> bool:

@@ -118,6 +118,11 @@ class KernelData(ABC):
         """
         return p if self._drive is None else self._drive(t, p)
 
+    @property
+    def computed_by(self) -> str:
+        """What tells kernels of the same programs apart that may round otherwise."""
+        return self.backend
+
     def remember(self, kind: str, key: Hashable, find: Callable[[], Found], most: int | None = None) -> Found:
         """Return a value that is computed once for a key and cached with the kernels.
 

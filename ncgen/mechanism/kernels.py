@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.mechanism.kernel_batch import Batch
-from ncgen.mechanism.kernel_calls import KernelCalls, is_plain
+from ncgen.mechanism.kernel_calls import ARGUMENTS, KernelCalls, is_plain
+from ncgen.mechanism.shared_docstrings import shares
 from ncgen.mechanism.tangents import Tangents
 from ncgen.program.ir.blocks import Pattern
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
+@shares(**ARGUMENTS)
 class Kernels(KernelCalls):
     """The kernels of one mechanism.
 
@@ -98,21 +100,6 @@ class Kernels(KernelCalls):
 
         Forces of Python functions are not included.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        qdd : array_like
-            Acceleration, shape (n,).
-        lam : array_like
-            Lagrange multipliers, shape (m,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -125,17 +112,6 @@ class Kernels(KernelCalls):
 
         Forces of Python functions are not included.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -145,19 +121,6 @@ class Kernels(KernelCalls):
 
     def phidd_q(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate ∂(Φ_q q̈ − γ)/∂q.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        qdd : array_like
-            Acceleration, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -169,17 +132,6 @@ class Kernels(KernelCalls):
     def phidd_qd(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate −∂γ/∂q̇.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -189,15 +141,6 @@ class Kernels(KernelCalls):
 
     def phi_p(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate ∂Φ/∂p.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -209,17 +152,6 @@ class Kernels(KernelCalls):
     def phid_p(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate ∂(Φ_q q̇ − ν)/∂p.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -229,19 +161,6 @@ class Kernels(KernelCalls):
 
     def phidd_p(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate ∂(Φ_q q̈ − γ)/∂p.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        qdd : array_like
-            Acceleration, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -254,21 +173,6 @@ class Kernels(KernelCalls):
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
     ) -> csr_array:
         """Evaluate ∂(M q̈ + Φ_qᵀ λ − Q)/∂p.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        qdd : array_like
-            Acceleration, shape (n,).
-        lam : array_like
-            Lagrange multipliers, shape (m,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------

@@ -118,8 +118,8 @@ class BodyElements(OwnConstraints):
             first = measures.unit(measures.cross(e, helper))
             second = measures.cross(e, first)
         else:
-            first = arithmetic.unit(np.cross(e, helper))
-            second = np.cross(e, first)
+            first = arithmetic.unit(arithmetic.cross(e, helper))
+            second = arithmetic.cross(e, first)
         return self.direction_of(body, first, "across1"), self.direction_of(body, second, "across2")
 
     def direction_of(self, body: Body, direction: Scalars, wish: str) -> Combination:
@@ -201,6 +201,6 @@ class BodyElements(OwnConstraints):
             direction = measures.cross(*body.frame.given)
             size = measures.norm(direction)
         else:
-            direction = np.cross(*body.frame.matrix().T)
+            direction = arithmetic.cross(*body.frame.matrix().T)
             size = arithmetic.norm(direction)
         self.attach_vector(body, f"{body.name}.aux", tuple(x / size for x in direction))

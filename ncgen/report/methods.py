@@ -1,10 +1,9 @@
-"""All methods of the registries, how each takes its accuracy, and a limit to their time."""
+"""All methods of the registries, and a limit to their time."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TypedDict
 
 from ncgen.methods.table import FORMALISMS, INTEGRATORS
 
@@ -13,13 +12,6 @@ FIXED = tuple(name for name, entry in INTEGRATORS.items() if entry.has_fixed_ste
 
 ONE = "dop853"
 """Every formalism is tried with this one, since there the integrator is not what differs."""
-
-
-class ToleranceArguments(TypedDict):
-    """How an integrator that chooses its steps takes its accuracy: arguments of `simulate`."""
-
-    rtol: float
-    atol: float
 
 
 class TimeIsUp(Exception):

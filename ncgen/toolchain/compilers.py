@@ -19,7 +19,6 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 
@@ -170,6 +169,8 @@ def find_compilers() -> Iterator[Compiler]:
 
 def zig() -> Compiler:
     """The compiler of the Python package ziglang."""
+    from importlib.metadata import version  # which takes long to import
+
     return Compiler((sys.executable, "-m", "ziglang", "cc"), f"ziglang {version('ziglang')}:{_machine()}")
 
 

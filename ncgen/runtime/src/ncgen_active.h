@@ -47,6 +47,11 @@ int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift
 /* Can nothing move along a direction, of whose mobility with nothing held this is left? */
 int ncgen_is_blocked(ncgen_scalar mobility, ncgen_scalar whole);
 
+/* Do velocities qd miss constraints Phi_q qd = nu, whose numbers are `values`, by more than rounding of their terms, `speed` having been the largest
+ * velocity in natural sizes before? Then a lock cannot close. nu: NULL for zeros */
+int ncgen_is_missed(const ncgen_pattern *phi_q, const ncgen_real *values, const ncgen_real *nu, const ncgen_scalar *sizes, ncgen_scalar speed,
+    const ncgen_real *qd);
+
 /* The direction in which a joint slips: before `slip`; side: of its velocity. */
 int ncgen_slip_of(const ncgen_active *active, int number, int slip, int side);
 

@@ -1,10 +1,8 @@
 /* ncgen_held.c: the mechanism with what p says is held, and the loads that hold it. */
 #include "ncgen_held.h"
 #include "ncgen_active.h"
+#include "ncgen_sliding.h"
 #include "ncgen_vectors.h"
-
-/* Loads are determined where all determinants are above this share of those without friction. */
-static const ncgen_scalar determined = R(1.0e-9);
 
 void ncgen_read_held(const ncgen_events *events, const ncgen_real *p, int *held)
 {
@@ -89,7 +87,7 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
 
 int ncgen_is_determined(const ncgen_events *events, const ncgen_real *pairs)
 {
-    return !events->rubs || pairs[2 * (events->count + events->n_loads - 1)] > determined;
+    return !events->rubs || ncgen_is_positive(pairs[2 * (events->count + events->n_loads - 1)], 1);
 }
 
 int ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)

@@ -4,9 +4,6 @@
 #include "ncgen_rubbing.h"
 #include "ncgen_state.h"
 
-/* Of velocities that miss the constraints after a lock has closed. */
-static const ncgen_scalar locked = R(1.0e-9);
-
 static int *flags(const ncgen_events *events, const ncgen_passage *passage, int which)
 {
     return passage->flags + which * events->n_holds;
@@ -35,15 +32,10 @@ static ncgen_real speed_of(const ncgen_instant *i, const ncgen_real *qd)
 /* Does a gap not change, or a joint, contact or ratchet not move, but for rounding? */
 static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
 {
-    const ncgen_scalar *sizes = i->d->dynamics->column_sizes;
     const ncgen_real now = speed_of(i, i->moment->qd), before = speed_of(i, i->arrived), speed = now > before ? now : before;
     if (hold->kind == NCGEN_HOLDS_CONTACT)
         return ncgen_contact_is_still(i, ncgen_rubbing_of(i->events, (int)(hold - i->events->holds)), speed);
-    const ncgen_real *w = ncgen_gradient(i, hold->condition), drift = ncgen_is_gap(hold) ? w[2 * i->n] : 0;
-    ncgen_real terms = 0;
-    for (int j = 0; j < i->n; ++j)
-        terms += NCGEN_ABS(w[j]) * sizes[j] * speed;
-    return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
+    return ncgen_is_still_along(i, hold->condition, ncgen_is_gap(hold), speed);
 }
 
 int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
@@ -108,15 +100,9 @@ static int misses(ncgen_instant *i, const ncgen_driven *d, ncgen_real speed, int
     const ncgen_pattern *pattern = &model->phi_q_pattern;
     ncgen_real *values = d->workspace, *nu = values + ncgen_nonzeros(pattern); /* which no call uses now */
     int status = model->phi_q(i->moment->t, i->moment->q, i->p, values);
-    *does = 0;
     if (status == NCGEN_OK && model->nu)
         status = model->nu(i->moment->t, i->moment->q, i->p, nu);
-    for (int r = 0; r < model->n_rows && status == NCGEN_OK; ++r) {
-        ncgen_real sum = model->nu ? -nu[r] : 0, size = NCGEN_ABS(sum) + d->dynamics->row_sizes[r] * speed;
-        for (int k = pattern->indptr[r]; k < pattern->indptr[r + 1]; ++k)
-            sum += values[k] * i->moment->qd[pattern->indices[k]];
-        *does |= !(NCGEN_ABS(sum) <= locked * size);
-    }
+    *does = status == NCGEN_OK && ncgen_is_missed(pattern, values, model->nu ? nu : NULL, d->dynamics->column_sizes, speed, i->moment->qd);
     return status;
 }
 
@@ -140,18 +126,12 @@ int ncgen_lock(ncgen_instant *i, int h)
     return status == NCGEN_OK && missed ? NCGEN_MOVED : status;
 }
 
-/* The velocity of a joint. */
-static int sign_of(const ncgen_instant *i, int condition)
-{
-    return (i->values[2 * condition] > 0) - (i->values[2 * condition] < 0);
-}
-
 void ncgen_begin_slip(ncgen_instant *i)
 {
     for (int h = 0; h < i->events->n_holds; ++h) {
         const ncgen_hold *hold = i->events->holds + h;
         if (hold->kind == NCGEN_HOLDS_JOINT)
-            i->p[hold->slip] = is_still(i, hold) ? 0 : sign_of(i, hold->condition);
+            i->p[hold->slip] = is_still(i, hold) ? 0 : ncgen_side(i, hold->condition);
     }
     for (int k = 0; k < i->events->n_rubbings; ++k)
         for (int l = 0; l < i->events->rubbings[k].directions; ++l)
@@ -188,7 +168,7 @@ static int write_wanted(const choice *c)
         if (c->active.wanted[h] && !c->active.before[h] && hold->held >= 0)
             i->p[hold->held] = i->numbers[hold->value];
         if (hold->kind == NCGEN_HOLDS_JOINT)
-            i->p[hold->slip] = ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], sign_of(i, hold->condition));
+            i->p[hold->slip] = ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], ncgen_side(i, hold->condition));
     }
     ncgen_write_held(i->events, c->active.wanted, 0, i->p);
     return ncgen_write_ways(i, &c->active);

@@ -6,7 +6,6 @@ worst one first. Here states are brought onto the constraints of modes, whose lo
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -17,27 +16,17 @@ from ncgen.mechanism.active_in_c import Active, Kind, is_still
 from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.contacts import REST
+from ncgen.mechanism.sliding_in_c import first_length, largest_slide, missed_speed
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.modes import LoadConditions, forces_of, load_conditions, sliding_of
-from ncgen.solver.events.rubbing import check_determined, is_prevented, undetermined
+from ncgen.solver.events.rubbing import check_determined, undetermined
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
-MISSED_SPEED_FACTOR = 20.0
-"""Around rest, where friction jumps, steps miss velocities by up to this many times what they are to see. To come to rest so much too early
-changes the motion by the square of that: friction has the same impulse in the end."""
-
-FROM_REST = 100.0
-"""How much longer."""
-
 HALT = 1e-6
 """Where no step is short enough, a contact in space comes to rest that slides with less than this share of its largest velocity."""
-
-ROUNDING = 1e-3
-"""A sliding velocity has no more than 10 digits below this share of its terms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +128,11 @@ class ActiveConstraints:
         if not any(row.sticks for row in rows):
             return set()
         mode = functions.mode(at, rows)
-        return {k for k, gap in functions.gaps.items() if gap in wanted and k not in wanted and is_prevented(functions, mode, k, at)}
+        return {k for k, gap in functions.gaps.items() if gap in wanted and k not in wanted and self._is_prevented(mode, k, at)}
+
+    def _is_prevented(self, mode: Kernels, k: int, at: State) -> bool:
+        """Whether a contact cannot slide in a mode, whatever acts on it, since others stick."""
+        return bool(np.all(is_blocked(mode, self.kernels, at, self.functions.sliding(at)[k][1])))
 
     def is_closed(self, k: int, at: State) -> bool:
         values, scales = self.functions.weighed(at)
@@ -178,7 +171,7 @@ class ActiveConstraints:
 
     def unseen_sliding(self, k: int, at: State) -> float:
         """The greatest sliding velocity (m/s) of a contact that steps may miss around rest."""
-        return float(MISSED_SPEED_FACTOR * np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.unseen))
+        return missed_speed(np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.unseen))
 
     def _largest_so_far(self, k: int, at: State) -> float:
         """The largest velocity (m/s) of the present slide of a contact in space that is known; 0 in the plane."""
@@ -186,21 +179,19 @@ class ActiveConstraints:
         return float(np.linalg.norm(slip)) if len(slip) > 1 else 0.0
 
     def onwards(self, mode: Kernels, held: tuple[int, ...], k: int, at: State) -> np.ndarray:
-        """The direction in which a contact begins to slide that its friction cannot hold; in space much longer than the velocity (m/s)
-        that friction would give it over its natural size, so that it keeps the direction until it is faster than steps can follow."""
+        """The direction in which a contact begins to slide that its friction cannot hold; in space as long as C says."""
         force, slopes = forces_of(mode, tuple(self.rows[each] for each in held), held.index(k), at), self.functions.sliding(at)[k][1]
         size = float(np.linalg.norm(force))
         if len(force) == 1 or not size:
             return np.sign(-force)
         deceleration = float(np.max(np.einsum("kn,nk->k", slopes, response(self.kernels, at, slopes)))) * size
-        speed = math.sqrt(deceleration * np.max(np.abs(slopes) @ self.kernels.column_sizes))
-        return -force / size * max(FROM_REST * speed, self.unseen_sliding(k, at) / REST)
+        natural_size = np.max(np.abs(slopes) @ self.kernels.column_sizes)
+        return -force / size * first_length(deceleration, natural_size, self.unseen_sliding(k, at))
 
     def largest(self, k: int, at: State, velocity: np.ndarray) -> float:
-        """The largest velocity (m/s) of the slide of a contact in space that is known. It is so much at least that rounding
-        does not hide that it comes to rest."""
+        """The largest velocity (m/s) of the slide of a contact in space that is known."""
         terms = float(np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.kernels.column_sizes)) * self._speed(at.qd)
-        return max(self._largest_so_far(k, at), float(np.linalg.norm(velocity)), ROUNDING * terms)
+        return largest_slide(self._largest_so_far(k, at), float(np.linalg.norm(velocity)), terms)
 
     def _happened(
         self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]

@@ -17,6 +17,7 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.shared_docstrings import shares
 from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_programs import Made, assemble_joint_space
 from ncgen.solver import argument_checks
@@ -79,6 +80,7 @@ class JointSpace(JointDynamics):
     """
 
 
+@shares()
 class JointsOfTree(JointSpace):
     """Of an open tree: every joint moves by itself.
 
@@ -92,18 +94,6 @@ class JointsOfTree(JointSpace):
         super().__init__(kernels, tree, names_of(kernels, tree, followed))
 
     def placed(self, x: np.ndarray) -> np.ndarray:
-        """Compute natural coordinates from values of all joints.
-
-        Parameters
-        ----------
-        x : numpy.ndarray
-            Values of all joints in their order, shape (…, n).
-
-        Returns
-        -------
-        numpy.ndarray
-            Natural coordinates, shape (…, n_q).
-        """
         return self._functions("joint_position", 0.0, self._over_rates(x, "x"), self.p)
 
     def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -116,16 +106,4 @@ class JointsOfTree(JointSpace):
         return {c: k for c, (k, _) in self.followed.items()}
 
     def made(self, group: Made) -> dict[str, Program]:
-        """Assemble the programs.
-
-        Parameters
-        ----------
-        group : str
-            Which group of programs.
-
-        Returns
-        -------
-        dict of str to Program
-            The programs by name.
-        """
         return assemble_joint_space(self.kernels.programs.equations, self.followed, group)

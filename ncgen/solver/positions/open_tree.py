@@ -2,17 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.tree.couplings import NoTables
+from ncgen.program.tree.table_layout import TreeTables, tables_of
 from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPosition
+from ncgen.solver.positions.described_position import found_in_described
 from ncgen.symbolic.tree import spanning_tree
 
 PARAMETER_PERTURBATION = 0.03
 """By which share of theirs other parameters differ."""
+
+
+@dataclass(frozen=True)
+class KnownTree:
+    """What runs need of an open tree: its degrees of freedom while loops are open, and its tables."""
+
+    freedoms: int
+    tables: TreeTables
+
+
+def known_tree(kernels: Kernels, closes_loops: bool = False) -> KnownTree | None:
+    """What runs need of `open_tree`, or of `tree_with_loops`, from the cache or made now."""
+
+    def made() -> dict[str, Any]:
+        tree = (tree_with_loops if closes_loops else open_tree)(kernels)
+        return {"tree": None} if tree is None else {"tree": {"freedoms": tree.freedoms, "tables": tables_of(tree).plain()}}
+
+    def find() -> KnownTree | None:
+        members = found_in_described(kernels, f"tables of a tree{' with loops' if closes_loops else ''}", made)["tree"]
+        return None if members is None else KnownTree(members["freedoms"], TreeTables(**members["tables"]))
+
+    return kernels.remember("known tree", closes_loops, find)
 
 
 def open_tree(kernels: Kernels) -> OpenTree | None:

@@ -5,21 +5,20 @@ Rank is numerical and is taken at several consistent positions, because one posi
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.recall import derived
 from ncgen.program.algebra.pivoting import column_order
 from ncgen.solver import argument_checks
 from ncgen.solver.argument_checks import ArrayOrNamed
-from ncgen.solver.positions.open_tree import is_open_tree, open_tree
+from ncgen.solver.positions.described_position import found_in_described, is_described
+from ncgen.solver.positions.open_tree import is_open_tree, known_tree
 from ncgen.solver.positions.position import TOLERANCE, check_finite, solve_position
 from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
 
@@ -181,7 +180,8 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
     """`freedom` of arguments that were looked at."""
 
     def find() -> Freedom:
-        return (_freedom_from_cache if _is_described(kernels, q, t, p) else _freedom)(kernels, q, t, p)
+        is_kept = kernels.m >= MIN_CACHED_ROWS and is_described(kernels, q, t, p)
+        return (_freedom_from_cache if is_kept else _freedom)(kernels, q, t, p)
 
     return kernels.remember("freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), find, REMEMBERED)
 
@@ -189,47 +189,24 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
 def rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[int, bool]:
     """The rank of Φ_q, and whether q is a singular position. A large open tree has none of these, and its joints tell the rank; which rows
     others imply is not looked for."""
-    if kernels.m >= DENSE and (tree := open_tree(kernels)):
+    if kernels.m >= DENSE and (tree := known_tree(kernels)):
         return kernels.n - tree.freedoms, False
     mobility = freedom_at(kernels, q, t, p)
     return mobility.rank, mobility.is_singular
 
 
-def _is_described(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
-    """True where a position is the one that the model describes, in which most runs begin, and its rows are many."""
-    is_start = t == 0.0 and np.array_equal(q, kernels.q0) and np.array_equal(p, kernels.p0)
-    return is_start and kernels.m >= MIN_CACHED_ROWS
-
-
 def _freedom_from_cache(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
     """The degrees of freedom in the position that a model describes, from the cache or found now."""
 
-    def plain() -> dict[str, str]:
+    def plain() -> dict[str, Any]:
         mobility = _freedom(kernels, q, t, p)
-        redundant = [[row.row, *map(list, row.implied_by.items())] for row in mobility.redundant]
-        parts = (
-            mobility.rank,
-            mobility.rank_here,
-            mobility.dof,
-            redundant,
-            mobility.kept_rows,
-            mobility.vanishing.tolist(),
-            mobility.positions,
-        )
-        return {"freedom": json.dumps(parts)}
+        rows = [[row.row, *map(list, row.implied_by.items())] for row in mobility.redundant]
+        return vars(mobility) | {"redundant": rows, "kept_rows": list(mobility.kept_rows), "vanishing": mobility.vanishing.tolist()}
 
-    description = f"freedom {kernels.backend} {version('scipy')}"
-    rank, rank_here, dof, rows, kept, vanishing, positions = json.loads(derived(kernels.programs, description, plain)["freedom"])
-    redundant = tuple(Redundancy(row, {k: c for k, c in implied}) for row, *implied in rows)
-    return Freedom(
-        rank=rank,
-        rank_here=rank_here,
-        dof=dof,
-        redundant=redundant,
-        kept_rows=tuple(kept),
-        vanishing=np.array(vanishing, dtype=float).reshape(kernels.n, -1),
-        positions=positions,
-    )
+    members = found_in_described(kernels, f"freedom with SciPy {scipy.__version__}", plain)
+    redundant = tuple(Redundancy(row, {k: c for k, c in implied}) for row, *implied in members.pop("redundant"))
+    vanishing = np.array(members.pop("vanishing"), dtype=float).reshape(kernels.n, -1)
+    return Freedom(redundant=redundant, kept_rows=tuple(members.pop("kept_rows")), vanishing=vanishing, **members)
 
 
 def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:

@@ -13,9 +13,9 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ncgen.comparisons.bench import aligned
-from ncgen.comparisons.hard import ATOL_OVER_RTOL
-from ncgen.comparisons.hard_linkages import four_bars_position
+from benchmarks.hard import ATOL_OVER_RTOL
+from benchmarks.hard_linkages import four_bars_position
+from ncgen.comparisons.compare import aligned
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module
