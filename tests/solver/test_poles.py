@@ -10,7 +10,7 @@ from test_state_space import GRAVITY, cart_pole, quarter_car
 
 import ncgen
 from ncgen import ModelError
-from ncgen.solver.linear.poles import zeros_of
+from ncgen.solver.linear.poles import Pole, zeros_of
 from ncgen.view.response import response
 
 
@@ -56,6 +56,11 @@ def test_who_moves_in_the_poles_of_a_car(car):
     assert next(iter(fast.participation)) == "low" and fast.participation["low"] > 0.8
     assert sum(slow.participation.values()) == pytest.approx(1.0)
     assert str(slow).startswith(f"{slow.value.real:.6g} ± {slow.value.imag:.6g}i 1/s: high ")
+
+
+def test_a_pole_is_told_without_those_that_do_not_move():
+    """Whole percents: what has less than half of one is left out."""
+    assert str(Pole(-2.0, {"a": 0.75, "b": 0.2455, "c": 0.0045})) == "-2 1/s: a 75 %, b 25 %"
 
 
 @pytest.mark.parametrize("up", [True, False])
