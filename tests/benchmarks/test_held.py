@@ -7,7 +7,7 @@ from ncgen.resources import folder
 
 
 def test_a_mode_may_take_fewer_operations_than_the_free_mechanism():
-    """The brake and the ratchet of the winch leave one of three degrees of freedom: a quarter of the operations, as the architecture says."""
+    """The brake and the ratchet of the winch leave one of three degrees of freedom: a quarter of the operations, as docs say."""
     found = {names: (operations, conditions) for names, operations, conditions in counts(*CASES["winch"])}
     free, mode = found[""][0], found["brake ratchet"][0]
     assert 3 * mode < free
