@@ -63,7 +63,7 @@ def program(tmp_path_factory):
         (folder / name).write_text(text)
     (folder / "main.c").write_text(DRIVER)
     alone = ["-ffunction-sections", "-Wl,--gc-sections"]
-    subprocess.run(["cc", "-std=c99", "-O1", *alone, "main.c", "ncgen_vectors.c", "-o", "main", "-lm"], cwd=folder, check=True)
+    subprocess.run(["cc", "-std=c99", "-O1", *alone, "main.c", "ncgen_space.c", "ncgen_vectors.c", "-o", "main", "-lm"], cwd=folder, check=True)
     return folder / "main"
 
 
