@@ -60,7 +60,7 @@ def _with_constants(block: Straight, array: str, values: dict[int, float]) -> St
     graph = Graph()
     nodes = passes.unroll(graph, block, 0)
     names = {nodes[k]: name for k, name in block.names.items()}
-    stores = [replace(s, node=nodes[s.node]) for s in block.stores]
+    stores = [s.of(nodes[s.node]) for s in block.stores]
     stores += [Store(array=array, index=i, node=graph.const(value)) for i, value in values.items()]
     return replace(block, ops=tuple(graph.ops), stores=tuple(sorted(stores, key=lambda s: s.index)), names=names)
 

@@ -51,7 +51,7 @@ def _once(block: B, parameters: int) -> B:
     shared = _shared(block) if len(block.ops) <= MAX_FACTORED_OPERATIONS else set()
     while True:
         work = _Factoring(block, shared, parameters)
-        stores = tuple([replace(s, node=work.node(s.node)) for s in block.stores])
+        stores = tuple([s.of(work.node(s.node)) for s in block.stores])
         if not work.stayed:
             names = {work.node(k): name for k, name in block.names.items() if not block.ops[k].args}
             return dead_code(replace(block, ops=tuple(work.graph.ops), stores=stores, names=names))
