@@ -100,6 +100,14 @@ class Graph:
         self._known: dict[tuple[str, tuple[int, ...], Leaf | str], int] = {}
         self._folding = bytearray()  # of every operation, whether its code is in FOLDING
 
+    @classmethod
+    def of(cls, ops: Iterable[Op]) -> Graph:
+        """A graph that goes on from the operations of another one, as they are."""
+        graph = cls()
+        for op in ops:
+            graph._make(*op)
+        return graph
+
     def _make(self, code: str, args: tuple[int, ...] = (), leaf: Leaf = None) -> int:
         key = (code, args, leaf.hex() if isinstance(leaf, float) else leaf)
         node = self._known.get(key)

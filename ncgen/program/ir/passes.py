@@ -33,6 +33,8 @@ def compute(op: Op, arguments: Iterable[Any], functions: Mapping[str, Callable[.
 
 def fold_tables(loop: Loop) -> Loop:
     """Operations of a loop that depend on constants alone are computed now and become constants."""
+    if all(slot.array != "const" for slot in loop.slots):
+        return dead_code(loop)  # a graph has computed what depends on numbers
     graph = Graph()
     columns: dict[int, tuple[float, ...]] = {}  # new node -> its value in every run
     slots: list[Slot | Column] = []
@@ -144,8 +146,8 @@ def _reachable(block: Block) -> list[int]:
 
 
 def _append_below(order: list[int], ops: Sequence[Op], root: int, visited: bytearray, depth: Sequence[int]) -> None:
-    """Append new operations below a root to an order, arguments first, the deepest of them before the others; iterative, since graphs can be
-    deep."""
+    """Append new operations below a root to an order, arguments first, the deepest of them before the others; iterative, since graphs can
+    be deep."""
     waiting = [root]
     while waiting:
         node = waiting.pop()
