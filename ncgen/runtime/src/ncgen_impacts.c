@@ -142,7 +142,7 @@ static void note_stuck(ncgen_instant *i, const ncgen_impact *impact)
     for (int a = 0; a < impact->count; ++a) {
         const ncgen_rubbing *rubbing = rubbing_of(i, i->taking[a]);
         if (rubbing && rubbing->stick >= 0 && i->sticks[a])
-            ncgen_stuck(i->events, i->passage)[rubbing->stick] = 1;
+            ncgen_flags(i->events, i->passage, NCGEN_STUCK)[rubbing->stick] = 1;
     }
 }
 

@@ -55,6 +55,9 @@ static inline int ncgen_n_events(const ncgen_instant *i)
     return i->count - i->events->n_velocities;
 }
 
+/* The numbers that actions set, and places, at the moment. */
+int ncgen_find_numbers(ncgen_instant *i);
+
 /* Does a condition, or the velocity that it is, not change but for rounding, at most this velocity in natural sizes being the greatest? */
 int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts, ncgen_real speed);
 
