@@ -104,8 +104,8 @@ class _Factoring:
         if op.code == "neg":
             return arguments[0].negated()
         if op.code == "mul":
-            (minus, a, _), (also, b, _) = map(self._term, arguments)
-            return _term(minus != also, (a, b))
+            (is_negative, a, _), (is_other_negative, b, _) = map(self._term, arguments)
+            return _term(is_negative != is_other_negative, (a, b))
         return _term(False, self.graph.copied(op, list(map(self._written, arguments))))
 
     def _held(self, number: int, form: Form) -> Form:

@@ -271,16 +271,16 @@ def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:
     kept: list[int] = []
     for start in range(0, len(jacobians[0]), ROWS_AT_ONCE):
         before = len(kept)
-        parts = [(j, basis, _outside(_normalised(j[start : start + ROWS_AT_ONCE]), basis[:before])) for j, basis in bases]
-        for row in range(len(parts[0][2])):
-            rests = [(part, _outside(part[2][row : row + 1], part[1][before : len(kept)])[0]) for part in parts]
-            new = [(part, rest / size) for part, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
+        blocks = [(j, basis, _outside(_normalised(j[start : start + ROWS_AT_ONCE]), basis[:before])) for j, basis in bases]
+        for row in range(len(blocks[0][2])):
+            rests = [(block, _outside(block[2][row : row + 1], block[1][before : len(kept)])[0]) for block in blocks]
+            new = [(block, rest / size) for block, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
             if new and len(kept) < len(new[0][0][1]):
-                parts = [part for part, _ in new]
+                blocks = [block for block, _ in new]
                 for (_, basis, _), rest in new:
                     basis[len(kept)] = rest
                 kept.append(start + row)
-        bases = [(j, basis) for j, basis, _ in parts]
+        bases = [(j, basis) for j, basis, _ in blocks]
     return kept
 
 
