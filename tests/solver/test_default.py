@@ -10,10 +10,10 @@ from benchmarks.hard_cases import CASES
 from every_example import EVERY
 
 import ncgen
-from ncgen.comparisons.precision import time_limit
 from ncgen.errors import ConvergenceError
 from ncgen.exchange.examples import load
 from ncgen.model import Model
+from ncgen.report.precision import time_limit
 from ncgen.solver.runs.simulation_options import simulation_of
 
 QUICK = (

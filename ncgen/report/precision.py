@@ -19,7 +19,6 @@ import numpy as np
 import scipy
 
 from ncgen import __version__
-from ncgen.comparisons.compare import NOISE_MARK
 from ncgen.compiler import compile
 from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism import runtime_library
@@ -27,6 +26,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
+from ncgen.report.clock import is_noisy
 from ncgen.solver.groups import StartArguments
 from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.runs.simulation_options import check_simulation, simulation_of
@@ -144,7 +144,7 @@ def _repeat(runs: list[tuple[dict, Callable[[], float]]]) -> None:
     samples = [[again() for _, again in runs] for _ in range(ROUNDS)]
     for (record, _), seconds in zip(runs, zip(*samples, strict=True), strict=True):
         low, middle, high = map(float, np.quantile(seconds, (0.25, 0.5, 0.75)))
-        record |= {"seconds": middle, "low": low, "high": high, "noisy": high - low > NOISE_MARK * middle}
+        record |= {"seconds": middle, "low": low, "high": high, "noisy": is_noisy(low, middle, high)}
 
 
 def _ways(formalism: str, integrator: str, kernels: Kernels, numpy: Kernels) -> list[tuple[str, Kernels, str]]:
