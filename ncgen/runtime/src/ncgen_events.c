@@ -9,11 +9,6 @@
 
 /* Instants ----------------------------------------------------------------------------------------------------- */
 
-static int find_numbers(ncgen_instant *i)
-{
-    return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
-}
-
 static ncgen_real energy(const ncgen_instant *i)
 {
     ncgen_real out[3] = {0, 0, 0};
@@ -58,7 +53,7 @@ static int act(ncgen_instant *i, int event)
     ncgen_copy(i->n, i->moment->qd, i->prior);
     status = act_on_locks(i, event);
     if (status == NCGEN_OK)
-        status = find_numbers(i);
+        status = ncgen_find_numbers(i);
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         const ncgen_action *a = e->actions + k;
         if (a->event != event || a->kind == NCGEN_IMPACT)
@@ -84,7 +79,7 @@ static int act(ncgen_instant *i, int event)
 
 static int is_still(const ncgen_instant *i, int k)
 {
-    return ncgen_is_still_along(i, k, 1, ncgen_largest(i->n, i->moment->qd, i->d->dynamics->column_sizes));
+    return ncgen_is_still_along(i, k, 1, ncgen_speed(i, i->moment->qd));
 }
 
 static int find_loads(void *context, int projected)
@@ -145,7 +140,7 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
     int rested = 0, status = ncgen_accelerate_open(i, chain->happened, resting);
     ncgen_notes_follow(i->passage->log, 0);
     if (status == NCGEN_OK)
-        status = find_numbers(i);
+        status = ncgen_find_numbers(i);
     if (status == NCGEN_OK)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
     if (status != NCGEN_OK)
@@ -181,7 +176,7 @@ static int act_all(void *context)
 {
     ncgen_instant *i = (ncgen_instant *)context;
     const int *due = i->passage->due;
-    int hit = 0, status = find_numbers(i);
+    int hit = 0, status = ncgen_find_numbers(i);
     if (status == NCGEN_OK)
         status = ncgen_hit(i, &hit);
     for (int k = 0; k < ncgen_n_events(i) && status == NCGEN_OK; ++k)

@@ -61,6 +61,11 @@ int ncgen_look(ncgen_instant *i)
     return status;
 }
 
+int ncgen_find_numbers(ncgen_instant *i)
+{
+    return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
+}
+
 int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts, ncgen_real speed)
 {
     const ncgen_scalar *sizes = i->d->dynamics->column_sizes;
