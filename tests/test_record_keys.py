@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "ncgen"
 
 RECORDS = (
     "cli/measuring.py", "cli/models.py", "cli/studies.py", "comparisons/compare.py", "comparisons/comparison.py",
-    "comparisons/precision.py", "report/derivative.py", "report/gallery.py", "report/inspection.py",
+    "report/precision.py", "report/derivative.py", "report/gallery.py", "report/inspection.py",
     "report/machine.py", "report/rounds.py", "report/run_report.py", "solver/trajectories/trajectory_files.py", "studies/columns.py",
     "studies/study_folder.py",
     *(f"../tests/benchmarks/{name}.py" for name in ("batches", "measurements", "derivative_parts", "falls", "hard", "robots")),
@@ -25,7 +25,7 @@ OTHERS = {"closing", "doubt", "freedom", "freedoms", "row", "rows", "taken", "ag
 """Words that such keys had, for which readers know others: projection or positions, error, DOF, constraint, chosen, reference."""
 
 ALLOWED = {
-    "doubt": "an entry of the cache of references (comparisons/precision.py), which users do not see",
+    "doubt": "an entry of the cache of references (report/precision.py), which users do not see",
     "degrees of freedom": "the term itself",
 }
 """{key: why it may stay}."""

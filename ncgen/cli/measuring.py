@@ -43,11 +43,10 @@ def bench(
 
     Times of the generated code itself, and other people's simulators, are measured by tests/benchmarks/bench.py of the sources.
     """
-    from ncgen.comparisons import precision
-    from ncgen.comparisons.compare import aligned
     from ncgen.exchange.examples import load
     from ncgen.files import write_text
-    from ncgen.report.document import Section, page
+    from ncgen.report import precision
+    from ncgen.report.document import Section, aligned, page
     from ncgen.report.machine import machine
 
     check_reports(html, plot)

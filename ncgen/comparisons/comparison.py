@@ -12,7 +12,7 @@ from ncgen.comparisons.rivals import Others, nobody
 from ncgen.comparisons.rivals.user import UserFunction
 from ncgen.errors import NcgenError
 from ncgen.model import Model
-from ncgen.report.document import Section, page
+from ncgen.report.document import Section, aligned, page
 from ncgen.report.machine import machine
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class Comparison:
     @staticmethod
     def lines(section: Measured) -> list[str]:
         """A section for the terminal."""
-        return [section.title, *compare.aligned(section.rows), *([section.text] if section.text else []), ""]
+        return [section.title, *aligned(section.rows), *([section.text] if section.text else []), ""]
 
     def html(self) -> str:
         """The report as one file."""

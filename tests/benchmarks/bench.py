@@ -35,9 +35,9 @@ if __name__ == "__main__":
 from benchmarks import tables  # noqa: E402
 from ncgen.cli.measuring import check_reports, show_comparison  # noqa: E402
 from ncgen.cli.terminal import err, out, progress, show  # noqa: E402
-from ncgen.comparisons.compare import aligned  # noqa: E402
 from ncgen.errors import ModelError, NcgenError  # noqa: E402
 from ncgen.exchange.examples import example_names, load  # noqa: E402
+from ncgen.report.document import aligned  # noqa: E402
 
 ALL = "all"
 

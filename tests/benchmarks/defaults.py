@@ -15,7 +15,7 @@ from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import measure, repeated
-from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
+from ncgen.report.precision import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.motions.entry_points import simulate
 from ncgen.solver.runs.progress_reports import ProgressOption
 from ncgen.solver.trajectories.trajectory import Trajectory

@@ -10,9 +10,9 @@ from functools import partial
 from typing import Any, TypeAlias, TypedDict
 
 from benchmarks.foreign import handwritten, own_start
-from ncgen.comparisons.precision import own_run
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.report.precision import own_run
 from ncgen.solver.engines.capabilities import is_emitted
 from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.trajectories.trajectory import Trajectory

@@ -15,7 +15,7 @@ from benchmarks.hard_cases import CASES
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
+from ncgen.report.precision import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.motions.simulate import simulate_one
 
 ATOL_OVER_RTOL = 1e-2

@@ -11,12 +11,12 @@ from benchmarks.batches import RUNS, STATES, batch_records
 from benchmarks.derivative_parts import arithmetic_rate, derivative_records
 from benchmarks.falls import fall_records
 from benchmarks.rivals import emitted_and_by_hand
-from ncgen.comparisons.compare import Rows, aligned
 from ncgen.comparisons.rivals import KERNELS, Inputs, Others, exact, nobody, relative_error, rivals
 from ncgen.compiler import compile
 from ncgen.model import Model
 from ncgen.program.ir.cost import cost
 from ncgen.report.clock import Spread, measure
+from ncgen.report.document import Rows, aligned
 
 LETTERS = {"phi": "Φ", "phi_q": "Φ_q", "gamma": "γ", "all": "together"}
 

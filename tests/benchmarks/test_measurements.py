@@ -8,8 +8,7 @@ import pytest
 import ncgen
 from benchmarks import batches, derivative_parts, falls
 from benchmarks.measurements import bench, kernel_records
-from ncgen.comparisons import precision
-from ncgen.report import clock
+from ncgen.report import clock, precision
 
 
 @pytest.fixture(autouse=True)

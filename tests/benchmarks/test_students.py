@@ -11,8 +11,8 @@ from benchmarks.foreign import handwritten
 from benchmarks.measurements import _simulation_rows, kernel_records
 from benchmarks.positions import worst_errors
 from benchmarks.rivals import lambdified, octave
-from ncgen.comparisons.compare import aligned
 from ncgen.report import clock
+from ncgen.report.document import aligned
 
 
 @pytest.fixture(autouse=True)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.comparisons import precision
 from ncgen.methods.table import FORMALISMS
+from ncgen.report import precision
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from benchmarks.hard_tops import PRINCIPAL, SPIN, free_rotation
 from scipy.integrate import solve_ivp
 
 import ncgen
-from ncgen.report.methods import FIXED
+from ncgen.report.precision import FIXED
 
 SURVIVES = [
     ("parallelogram", "lagrange", "dop853", 1e-6),

@@ -13,7 +13,7 @@ import ncgen
 from ncgen.errors import ConvergenceError
 from ncgen.exchange.examples import load
 from ncgen.model import Model
-from ncgen.report.methods import time_limit
+from ncgen.report.precision import time_limit
 from ncgen.solver.runs.simulation_options import simulation_of
 
 QUICK = (

@@ -25,11 +25,6 @@ int ncgen_holds_others(const ncgen_events *events, const ncgen_real *p, const nc
     return changed;
 }
 
-static int *released_of(const ncgen_events *events, const ncgen_passage *passage)
-{
-    return passage->flags + 2 * events->n_holds;
-}
-
 int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition)
 {
     for (int k = 0; k < events->n_rubbings; ++k)
@@ -92,7 +87,7 @@ int ncgen_is_determined(const ncgen_events *events, const ncgen_real *pairs)
 
 int ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
 {
-    int *released = released_of(events, passage);
+    int *released = ncgen_flags(events, passage, NCGEN_RELEASED);
     for (int k = 0; k < events->count; ++k)
         passage->due[k] = crossed[k];
     for (int h = 0; h < events->n_holds; ++h) {
@@ -110,7 +105,7 @@ int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const n
     int some = events->follows_loads;
     for (int h = 0; h < events->n_holds; ++h) {
         some |= p[events->holds[h].on] > 0;
-        released_of(events, passage)[h] = 0;
+        ncgen_flags(events, passage, NCGEN_RELEASED)[h] = 0;
     }
     if (!some)
         return 0;
@@ -122,7 +117,7 @@ int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const n
         for (int l = 0; p[events->holds[h].on] > 0 && l < ncgen_loads_of(events->holds[h].kind); ++l) {
             const ncgen_real *load = passage->room + 2 * (events->count + events->holds[h].load + l);
             if (ncgen_is_used_up(load[0], load[1], nearly)) {
-                released_of(events, passage)[h] = ncgen_side_of(events->holds[h].kind, l);
+                ncgen_flags(events, passage, NCGEN_RELEASED)[h] = ncgen_side_of(events->holds[h].kind, l);
                 ++some;
             }
         }

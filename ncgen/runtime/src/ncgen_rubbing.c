@@ -13,11 +13,6 @@ const ncgen_rubbing *ncgen_rubbing_of(const ncgen_events *events, int hold)
     return NULL;
 }
 
-static ncgen_real norm(int count, const ncgen_real *x)
-{
-    return NCGEN_SQRT(ncgen_dot(count, x, x));
-}
-
 /* The largest change of a velocity at which a contact slides where coordinates change by so much (n). */
 static ncgen_real largest_change(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real (*change)(const ncgen_instant *, int))
 {
@@ -50,7 +45,7 @@ static const ncgen_real *slip_before(const ncgen_instant *i, const ncgen_rubbing
 /* The largest velocity of the present slide of a contact in space that is known; 0 in the plane. */
 static ncgen_real largest_so_far(const ncgen_instant *i, const ncgen_rubbing *rubbing)
 {
-    return rubbing->directions > 1 ? norm(2, slip_before(i, rubbing)) : 0;
+    return rubbing->directions > 1 ? ncgen_norm(2, slip_before(i, rubbing)) : 0;
 }
 
 int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed)
@@ -63,7 +58,7 @@ int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing,
 
 int ncgen_is_unseen(const ncgen_instant *i, const ncgen_rubbing *rubbing)
 {
-    return norm(rubbing->directions, i->sliding + rubbing->first) <= ncgen_missed_speed(largest_change(i, rubbing, unseen_velocity), 0);
+    return ncgen_norm(rubbing->directions, i->sliding + rubbing->first) <= ncgen_missed_speed(largest_change(i, rubbing, unseen_velocity), 0);
 }
 
 void ncgen_keep_slip(const ncgen_instant *i)
@@ -105,14 +100,14 @@ static int find_beginning(ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_
 /* The largest velocity of the slide of a contact in space that moves at this speed. */
 static ncgen_real largest_of(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed)
 {
-    const ncgen_real most = ncgen_largest(i->n, i->moment->qd, i->d->dynamics->column_sizes);
+    const ncgen_real most = ncgen_speed(i, i->moment->qd);
     return ncgen_largest_slide(largest_so_far(i, rubbing), speed, largest_change(i, rubbing, natural_size) * most);
 }
 
 /* p says in which direction a contact slides: that of a velocity or force of this size, as long as it is to be. */
 static void write_slip(const ncgen_instant *i, const ncgen_rubbing *rubbing, const ncgen_real *along, ncgen_real length)
 {
-    const ncgen_real size = norm(rubbing->directions, along);
+    const ncgen_real size = ncgen_norm(rubbing->directions, along);
     for (int l = 0; l < rubbing->directions; ++l)
         i->p[rubbing->slip[l]] = rubbing->directions > 1 ? along[l] / size * length : (along[l] > 0) - (along[l] < 0);
 }
@@ -123,7 +118,7 @@ int ncgen_is_opposed(ncgen_instant *i, const ncgen_rubbing *rubbing, const int *
     const ncgen_real *slip = slip_before(i, rubbing);
     ncgen_real product = 0;
     *opposed = 0;
-    for (int l = 0; norm(rubbing->directions, slip) > 0 && l < rubbing->directions; ++l) {
+    for (int l = 0; ncgen_norm(rubbing->directions, slip) > 0 && l < rubbing->directions; ++l) {
         const int status = ncgen_respond(i->d, i->p, i->moment, ncgen_sliding_gradient(i, rubbing->first + l), i->kept);
         if (status != NCGEN_OK)
             return status;
@@ -147,7 +142,7 @@ int ncgen_write_ways(ncgen_instant *i, const ncgen_active *active)
         const int h = rubbing->stick, n = rubbing->directions;
         if (h < 0)
             continue;
-        const ncgen_real *w = i->sliding + rubbing->first, *way = i->passage->ways + 2 * h, speed = norm(n, w), force = norm(n, way);
+        const ncgen_real *w = i->sliding + rubbing->first, *way = i->passage->ways + 2 * h, speed = ncgen_norm(n, w), force = ncgen_norm(n, way);
         const int slides = active->wanted[rubbing->gap] && !active->wanted[h], begins = slides && active->released[h] && force > 0;
         ncgen_real length = 1;
         if (begins && n > 1)

@@ -41,23 +41,22 @@ REMEMBERED = 16
 MIN_CACHED_ROWS = 40
 """Rows from which on the degrees of freedom in the position that a model describes are kept in the cache: finding them takes longer."""
 
+ROWS_AT_ONCE = 64
+"""Rows whose parts outside a basis are computed by products of matrices, which reach the basis once for all of them."""
+
 NEIGHBOUR = 1e-3
 """How far a neighbouring position is, likewise."""
 
 
-def numerical_rank(jacobian: np.ndarray) -> int:
-    """Rank by singular values."""
-    if not min(jacobian.shape):
-        return 0
-    values = np.linalg.svd(jacobian, compute_uv=False)
-    return int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300)))
+def _rank_of(values: np.ndarray) -> int:
+    """How many singular values are not zero but for rounding."""
+    return int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300))) if len(values) else 0
 
 
 def null_space(jacobian: np.ndarray) -> np.ndarray:
     """An orthonormal basis of the null space, columns (n, n − rank)."""
     _, values, right = np.linalg.svd(jacobian, full_matrices=True)
-    rank = int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300))) if len(values) else 0
-    return right[rank:].T
+    return right[_rank_of(values) :].T
 
 
 def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
@@ -218,13 +217,14 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
     largest = _largest_rows(jacobians)
     jacobians = [j / largest for j in jacobians]
-    ranks = [numerical_rank(j) for j in jacobians]
+    values = [np.linalg.svd(j, compute_uv=False) for j in jacobians]
+    ranks = list(map(_rank_of, values))
     rank = max(ranks)
     general = [j for j, r in zip(jacobians, ranks, strict=True) if r == rank]
     kept = _independent_rows(general)
     if len(kept) != rank:  # rows at the edge of independence, which the order of exclusion decides
         kept = best_rows(general[-1], rank).tolist()
-    elif _represents_badly(general[0], kept):
+    elif _represents_badly(general[0], kept, values[ranks.index(rank)]):
         kept = best_rows(general[0], rank).tolist()
     dependent = [row for row in range(m) if row not in set(kept)]
     scale = kernels.row_sizes
@@ -248,10 +248,13 @@ def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:
     return np.where(norms > 0, norms, 1.0)[:, None]
 
 
-def _represents_badly(jacobian: np.ndarray, kept: list[int]) -> bool:
-    """True if rows, of which there are as many as the rank, are much nearer to being dependent than all rows together."""
-    least = (np.linalg.svd(rows, compute_uv=False)[len(kept) - 1] for rows in (jacobian[kept], jacobian))
-    return len(kept) > 0 and next(least) < MIN_SINGULAR_FRACTION * next(least)
+def _represents_badly(jacobian: np.ndarray, kept: list[int], values: np.ndarray) -> bool:
+    """True if rows, of which there are as many as the rank, are much nearer to being dependent than all rows together.
+
+    values: singular ones of all rows
+    """
+    count = len(kept)
+    return count > 0 and np.linalg.svd(jacobian[kept], compute_uv=False)[count - 1] < MIN_SINGULAR_FRACTION * values[count - 1]
 
 
 def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:
@@ -261,23 +264,30 @@ def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:
     """
     bases = [(j, np.zeros((min(j.shape), j.shape[1]))) for j in jacobians]
     kept: list[int] = []
-    for row in range(jacobians[0].shape[0]):
-        rests = [(j, basis, _rest(j[row], basis[: len(kept)])) for j, basis in bases]
-        new = [(j, basis, rest / size) for j, basis, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
-        if new and len(kept) < len(new[0][1]):
-            bases = [(j, basis) for j, basis, _ in new]
-            for _, basis, rest in new:
-                basis[len(kept)] = rest
-            kept.append(row)
+    for start in range(0, len(jacobians[0]), ROWS_AT_ONCE):
+        before = len(kept)
+        blocks = [(j, basis, _outside(_normalised(j[start : start + ROWS_AT_ONCE]), basis[:before])) for j, basis in bases]
+        for row in range(len(blocks[0][2])):
+            rests = [(block, _outside(block[2][row : row + 1], block[1][before : len(kept)])[0]) for block in blocks]
+            new = [(block, rest / size) for block, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
+            if new and len(kept) < len(new[0][0][1]):
+                blocks = [block for block, _ in new]
+                for (_, basis, _), rest in new:
+                    basis[len(kept)] = rest
+                kept.append(start + row)
+        bases = [(j, basis) for j, basis, _ in blocks]
     return kept
 
 
-def _rest(row: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """The part of a normalised row outside an orthonormal basis, orthogonalised twice against rounding."""
-    rest = row / max(np.linalg.norm(row), 1e-300)
+def _normalised(rows: np.ndarray) -> np.ndarray:
+    return rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
+
+
+def _outside(rows: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """The part of normalised rows outside an orthonormal basis, orthogonalised twice against rounding."""
     for _ in range(2):
-        rest = rest - basis.T @ (basis @ rest)
-    return rest
+        rows = rows - rows @ basis.T @ basis
+    return rows
 
 
 def _implications(jacobian: np.ndarray, dependent: list[int], kept: list[int], scale: np.ndarray) -> tuple[Redundancy, ...]:
