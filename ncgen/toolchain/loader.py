@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-import threading
-from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +11,7 @@ from ncgen.errors import NcgenError
 from ncgen.toolchain.abi import InC
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS
+from ncgen.toolchain.filled_libraries import FilledLibrary
 from ncgen.toolchain.interfaces import Interface, interface
 
 
@@ -52,33 +49,21 @@ def opened(
     if values is None:
         ffi = interface(declarations, base)
         return ffi, opened_by(ffi, library)
-    ffi, data = interface(f"{declarations}\ndouble *{table}(void);", base), array("d", values).tobytes()
-    with _own_copy(library, data) as path:
-        opened_library = opened_by(ffi, path)
-    ffi.buffer(getattr(opened_library, table)(), len(data))[:] = data
-    return ffi, opened_library
-
-
-@contextmanager
-def _own_copy(library: Path, data: bytes) -> Iterator[Path]:
-    """A library for these numbers: itself, or where it was opened for others in this process, a copy, which has a table of its own."""
-    with _filling:
-        if _filled.setdefault(library, data) == data:
-            yield library
-            return
-    with tempfile.TemporaryDirectory(prefix="ncgen-", ignore_cleanup_errors=True) as folder:
-        yield Path(shutil.copy(library, folder))
-
-
-_filled: dict[Path, bytes] = {}
-"""{library: the numbers that it was filled with first}."""
-
-_filling = threading.Lock()
+    ffi = interface(f"{declarations}\ndouble *{table}(void);", base)
+    with _named(library):
+        return ffi, FilledLibrary(ffi, library, table, values)
 
 
 def opened_by(ffi: Interface, library: Path) -> InC:
     """A compiled library behind an interface that knows its functions. Raises NcgenError where it cannot be loaded."""
-    try:
+    with _named(library):
         return ffi.dlopen(str(library))
+
+
+@contextmanager
+def _named(library: Path) -> Iterator[None]:
+    """Name a library that the system does not open."""
+    try:
+        yield
     except OSError as error:
         raise NcgenError(f"{library} cannot be loaded: {error}; run `ncgen cache --clear` and try again") from error
