@@ -20,12 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COMPARED = ("phi_q", "gamma", "mass")
-TITLES = {
-    "phi_q": "Φ_q, the Jacobian",
-    "gamma": "γ, of the accelerations",
-    "mass": "M, the mass matrix",
-    "all": "Φ, Φ_q and γ together",
-}
+TITLES = {"phi_q": "Φ_q, the Jacobian", "gamma": "γ, of the accelerations", "mass": "M, the mass matrix", "all": "Φ, Φ_q and γ together"}
 
 
 def compare(model: Model, users: Sequence[str] = (), others: Others = nobody) -> Iterator[tuple[str, list[dict]]]:

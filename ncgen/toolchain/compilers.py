@@ -218,11 +218,7 @@ class Recipe:
 
 
 def make_library(
-    folder: Path,
-    recipe: Recipe,
-    loads: bool = True,
-    time_limit: float = 0.0,
-    objects: Mapping[str, Path] = NO_OBJECTS,
+    folder: Path, recipe: Recipe, loads: bool = True, time_limit: float = 0.0, objects: Mapping[str, Path] = NO_OBJECTS
 ) -> tuple[list[str], str]:
     """Write sources into a folder and compile them to LIBRARY there; the command and what the compiler said.
 

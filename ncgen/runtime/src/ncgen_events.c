@@ -79,7 +79,7 @@ static int act(ncgen_instant *i, int event)
 
 static int is_still(const ncgen_instant *i, int k)
 {
-    return ncgen_is_still_along(i, k, 1, ncgen_largest(i->n, i->moment->qd, i->d->dynamics->column_sizes));
+    return ncgen_is_still_along(i, k, 1, ncgen_speed(i, i->moment->qd));
 }
 
 static int find_loads(void *context, int projected)

@@ -4,15 +4,10 @@
 #include "ncgen_rubbing.h"
 #include "ncgen_state.h"
 
-static ncgen_real speed_of(const ncgen_instant *i, const ncgen_real *qd)
-{
-    return ncgen_largest(i->n, qd, i->d->dynamics->column_sizes);
-}
-
 /* Does a gap not change, or a joint, contact or ratchet not move, but for rounding? */
 static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
 {
-    const ncgen_real now = speed_of(i, i->moment->qd), before = speed_of(i, i->arrived), speed = now > before ? now : before;
+    const ncgen_real now = ncgen_speed(i, i->moment->qd), before = ncgen_speed(i, i->arrived), speed = now > before ? now : before;
     if (hold->kind == NCGEN_HOLDS_CONTACT)
         return ncgen_contact_is_still(i, ncgen_rubbing_of(i->events, (int)(hold - i->events->holds)), speed);
     return ncgen_is_still_along(i, hold->condition, ncgen_is_gap(hold), speed);
@@ -84,7 +79,7 @@ static int misses(ncgen_instant *i, const ncgen_driven *d, ncgen_real speed, int
 int ncgen_lock(ncgen_instant *i, int h)
 {
     const ncgen_hold *hold = i->events->holds + h;
-    const ncgen_real before = speed_of(i, i->moment->qd);
+    const ncgen_real before = ncgen_speed(i, i->moment->qd);
     ncgen_entered in;
     int missed;
     if (i->p[hold->on] > 0)

@@ -37,6 +37,12 @@ static inline int ncgen_side(const ncgen_instant *i, int k)
     return (i->values[2 * k] > 0) - (i->values[2 * k] < 0);
 }
 
+/* The greatest of velocities (n) in natural sizes. */
+static inline ncgen_real ncgen_speed(const ncgen_instant *i, const ncgen_real *qd)
+{
+    return ncgen_largest(i->n, qd, i->d->dynamics->column_sizes);
+}
+
 /* The derivatives of a condition by q and qd (n each) and t; of velocities of joints and ratchets those by qd stand first, and 0 for t. */
 static inline const ncgen_real *ncgen_gradient(const ncgen_instant *i, int k)
 {

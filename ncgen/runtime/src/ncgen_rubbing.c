@@ -100,7 +100,7 @@ static int find_beginning(ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_
 /* The largest velocity of the slide of a contact in space that moves at this speed. */
 static ncgen_real largest_of(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed)
 {
-    const ncgen_real most = ncgen_largest(i->n, i->moment->qd, i->d->dynamics->column_sizes);
+    const ncgen_real most = ncgen_speed(i, i->moment->qd);
     return ncgen_largest_slide(largest_so_far(i, rubbing), speed, largest_change(i, rubbing, natural_size) * most);
 }
 

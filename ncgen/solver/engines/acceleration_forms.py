@@ -12,9 +12,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.open_tree import KnownTree, known_tree
-from ncgen.solver.positions.partition import (
-    choose_partitions,
-)
+from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.choice import choose
 from ncgen.solver.runs.run import COMPILED, Form, Run
 from ncgen.symbolic.tree import spanning_tree

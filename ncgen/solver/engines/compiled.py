@@ -16,14 +16,7 @@ from ncgen.solver.formalisms.kkt import MAX_DENSE_UNKNOWNS
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.positions.branches import refresh_branches, rule_of
 from ncgen.solver.positions.described_position import found_in_described, is_described
-from ncgen.solver.positions.partition import (
-    MIN_GAIN,
-    Partitions,
-    determined,
-    other_partitions,
-    quality,
-    stuck_message,
-)
+from ncgen.solver.positions.partition import MIN_GAIN, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path

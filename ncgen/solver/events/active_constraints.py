@@ -21,7 +21,7 @@ from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.modes import LoadConditions, forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, undetermined
-from ncgen.solver.events.state import State
+from ncgen.solver.events.state import State, greatest_speed
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
@@ -112,7 +112,7 @@ class ActiveConstraints:
         if self.left and held and np.array_equal(before, at.qd):  # what begins to move begins with no velocity, not with one of rounding
             mode = self.functions.mode(at, [self.rows[k] for k in held])
             at = replace(at, qd=project_velocity(mode, at.q, at.qd, at.t, at.p))
-        self._before = self._speed(before)
+        self._before = greatest_speed(before, self.kernels.column_sizes)
         choice = HeldChoice(self, at, held, due, resting)
         if not choice.active.choose(choice.find_loads):
             raise ConvergenceError(
@@ -141,7 +141,7 @@ class ActiveConstraints:
     def is_still(self, k: int, at: State) -> bool:
         """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
         sizes = self.kernels.column_sizes
-        speed = max(self._speed(at.qd), self._before)
+        speed = max(at.speed(sizes), self._before)
         if k in self.functions.moving:
             return is_still(self.functions.values(at)[0][k], np.abs(self.functions.rate_slopes(at)[k]) @ sizes * speed)
         if k in self.functions.contacts:
@@ -159,10 +159,6 @@ class ActiveConstraints:
         sliding = functions.sliding(at)
         change = response(self.kernels, at, sliding[k][1]) @ slip
         return bool(sum(self.left[j] @ sliding[j][1] @ change for j in released) < 0)
-
-    def _speed(self, qd: np.ndarray) -> float:
-        """The greatest velocity (1/s) in natural sizes."""
-        return float(np.max(np.abs(qd) / self.kernels.column_sizes, initial=0.0))
 
     def resting(self, at: State) -> tuple[int, ...]:
         """Where no step is short enough, numbers of the turns of contacts in space that come to rest there, whose motion is not seen."""
@@ -190,7 +186,8 @@ class ActiveConstraints:
 
     def largest(self, k: int, at: State, velocity: np.ndarray) -> float:
         """The largest velocity (m/s) of the slide of a contact in space that is known."""
-        terms = float(np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.kernels.column_sizes)) * self._speed(at.qd)
+        sizes = self.kernels.column_sizes
+        terms = float(np.max(np.abs(self.functions.sliding(at)[k][1]) @ sizes)) * at.speed(sizes)
         return largest_slide(self._largest_so_far(k, at), float(np.linalg.norm(velocity)), terms)
 
     def _happened(

@@ -115,8 +115,7 @@ class Instant:
         mode = functions.mode(at)
         qd = project_velocity(mode, at.q, at.qd, at.t, at.p)
         sizes = self.kernels.column_sizes
-        speed = float(np.max(np.abs(at.qd) / sizes, initial=0.0))
-        if is_missed(mode.phi_q(at.q, at.t, at.p), mode.nu(at.q, at.t, at.p), sizes, speed, qd):
+        if is_missed(mode.phi_q(at.q, at.t, at.p), mode.nu(at.q, at.t, at.p), sizes, start.speed(sizes), qd):
             raise ModelError(
                 f"{self.kernels.name}: {', '.join(new)} cannot be locked at t = {at.t:.6g} s, since drivers or other locks move it; "
                 "free these first"

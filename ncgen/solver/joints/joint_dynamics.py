@@ -19,10 +19,7 @@ from ncgen.solver.joints.joint_positions import ARGUMENTS
 if TYPE_CHECKING:
     pass
 
-SLOPES = {
-    "joint_inverse_tangent": ("t", "q", "v", "a", "p", "dx", "dv"),
-    "joint_loads_tangent": ("t", "q", "v", "p", "dx", "dv"),
-}
+SLOPES = {"joint_inverse_tangent": ("t", "q", "v", "a", "p", "dx", "dv"), "joint_loads_tangent": ("t", "q", "v", "p", "dx", "dv")}
 """The programs of derivatives, and what they take."""
 
 
