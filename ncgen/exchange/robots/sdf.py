@@ -164,7 +164,7 @@ class _Reader:
 
     def link(self, entry: Entry) -> Link:
         """A link with its mass and looks."""
-        appearances = [looked(lambda visual=visual: look_of(visual, entry), "visual") for visual in entry.element.all("visual")]
+        appearances = [looked(lambda visual=visual: look_of(visual, entry)) for visual in entry.element.all("visual")]
         self.looks += appearances
         mass = mass_of(entry)
         lifted = (mass,) if mass and flag(entry.element, "gravity") is False else ()
