@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 
 Kind = Literal["NCGEN_HOLDS_GAP", "NCGEN_HOLDS_RUBBING_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_CONTACT", "NCGEN_HOLDS_RATCHET"]
 
+Slide = Literal["NCGEN_SLIDES_NOT", "NCGEN_BEGINS", "NCGEN_SLIDES_ON", "NCGEN_SLIDES_AS_BEFORE"]
+
+SLIDES: tuple[Slide, ...] = ("NCGEN_SLIDES_NOT", "NCGEN_BEGINS", "NCGEN_SLIDES_ON", "NCGEN_SLIDES_AS_BEFORE")
+"""How contacts slide, in C."""
+
 MASKS = ("before", "happened", "rests", "closed", "still", "wanted", "released")
 
 DOMAIN = STATUS.index("domain")
@@ -72,6 +77,16 @@ class Active:
     def oppose(self, number: int) -> None:
         """Note that a contact that is still would begin to slide against others that were released."""
         self.still[number] = self._library.NCGEN_OPPOSED
+
+    def slide(self, number: int, released: bool, moves: bool) -> Slide:
+        """How a contact slides; released: whether it is known in which direction it was; moves: whether it has a velocity."""
+        code = self._library.ncgen_slide_of(self._struct, number, int(released), int(moves))
+        return next(name for name in SLIDES if code == getattr(self._library, name))
+
+    def change(self, number: int) -> int | None:
+        """What has become of something: 0 where it is held from now on, 1 where it no longer is, 2 where it slips to the other side."""
+        code = int(self._library.ncgen_change_of(self._struct, number))
+        return code - int(self._library.NCGEN_RESTS) if code else None
 
     def slip(self, number: int, slip: float, side: float) -> int:
         """The direction in which a joint slips, before `slip`; side: of its velocity."""
