@@ -345,12 +345,11 @@ class _Motion:
     def inspected(self, run: Trajectory) -> Instants:
         """The instants at which a trajectory is looked at, and its ends; all of it where there are no such instants."""
         (times, is_extra), path = self._rows(), self.path
-        extra = np.flatnonzero(is_extra)
+        if not len(self.jumps) and not is_extra.any():
+            return Instants(run.t, run.q, run.qd, run.work)
         if len(self.jumps):
             times = outside_breaks(self.breaks, times)  # a row at a jump is of the time before it
-        elif not len(extra):
-            return Instants(run.t, run.q, run.qd, run.work)
-        shown = sorted({0, *extra.tolist(), len(times) - 1}) if len(extra) else range(len(times))
+        shown = sorted({0, *np.flatnonzero(is_extra).tolist(), len(times) - 1}) if is_extra.any() else range(len(times))
         return Instants(*(rows.take(shown, axis=0) for rows in (times, path.q, path.qd, path.work)))
 
     def trajectory(self, clock: _Stopwatch) -> Trajectory:
