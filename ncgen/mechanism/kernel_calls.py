@@ -203,7 +203,7 @@ class KernelCalls(KernelData):
         numpy.ndarray
             Matrix, shape (m, n).
         """
-        return self._dense(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
+        return self.phi_q_pattern.dense(self.values("phi_q", t, q, None, p))
 
     def mass_matrix(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Evaluate M as a dense array.
@@ -213,7 +213,7 @@ class KernelCalls(KernelData):
         numpy.ndarray
             Matrix, shape (n, n).
         """
-        return self._dense(self.mass_pattern, self.values("mass", t, q, None, p))
+        return self.mass_pattern.dense(self.values("mass", t, q, None, p))
 
     def values(self, kernel: str, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None, p: ArrayLike | None) -> np.ndarray:
         """Evaluate a kernel without giving its output a shape.
@@ -280,12 +280,6 @@ class KernelCalls(KernelData):
         if values.ndim != 1:
             raise NcgenError("a batch has no sparse matrix; take kernels.batch for nonzeros, kernels.jacobian or kernels.mass_matrix")
         return scipy.sparse.csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape)
-
-    @staticmethod
-    def _dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:
-        dense = np.zeros((*np.shape(values)[:-1], pattern.shape[0] * pattern.shape[1]), dtype=values.dtype)
-        dense[..., pattern.flat] = values
-        return dense.reshape(*np.shape(values)[:-1], *pattern.shape)
 
 
 def is_plain(array: object, size: int) -> TypeGuard[np.ndarray]:
