@@ -103,10 +103,10 @@ def is_missed(jacobian: csr_array, nu: np.ndarray, sizes: np.ndarray, speed: flo
 
     jacobian (m, n): Φ_q; nu (m,); sizes (n,): natural sizes of coordinates; speed: the largest velocity before (1/s) in these
     """
-    ffi, (rows, columns) = interface_of("double"), jacobian.shape
+    ffi = interface_of("double")
     arrays = {name: np.array(getattr(jacobian, name), dtype=np.intc) for name in ("indptr", "indices")}
     members = {name: pointer(ffi, array, "int[]") for name, array in arrays.items()}
-    pattern = ffi.new("ncgen_pattern *", {"rows": rows, "columns": columns, **members})
+    pattern = ffi.new("ncgen_pattern *", {"rows": len(nu), "columns": len(qd), **members})
     values, nu_in_c, sizes_in_c, qd_in_c = (pointer(ffi, np.ascontiguousarray(each)) for each in (jacobian.data, nu, sizes, qd))
     return bool(runtime_of("double", "events").ncgen_is_missed(pattern, values, nu_in_c, sizes_in_c, speed, qd_in_c))
 

@@ -93,24 +93,9 @@ class BodyElements(OwnConstraints):
         self.extend(body, vector)
         return vector
 
-    def directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
-        """Return two directions of a body that are perpendicular to an axis and to each other in the initial position.
-
-        They are combinations of the body's base where that has three directions that are numbers, otherwise vectors of the body: those that
-        it has, or new ones.
-
-        Parameters
-        ----------
-        body : Body
-            The body.
-        axis : Combination
-            The axis.
-
-        Returns
-        -------
-        tuple of Combination
-            The two directions.
-        """
+    def _directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
+        """Two directions of a body that are perpendicular to an axis and to each other in the initial position: combinations of its base
+        where that has three directions that are numbers, otherwise vectors of the body, those that it has or new ones."""
         e = arithmetic.unit(axis.initial)
         helper = np.eye(3)[np.argmin(np.abs(e))]
         if axis.is_parametric:
@@ -170,7 +155,7 @@ class BodyElements(OwnConstraints):
         for number in range(frame.resting or 0, min(len(frame.directions), 2)):
             direction = frame.directions[number]
             if number == 0:
-                across = self.directions_across(self.ground, direction)
+                across = self._directions_across(self.ground, direction)
             else:
                 normal = measures.cross(frame.directions[0].given, direction.given)
                 across = [as_combination(Constant.of("across", measures.unit(normal), self._numbers(measures.unit(normal))))]
