@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, TypeGuard, cast
 
 import numpy as np
@@ -150,10 +151,14 @@ class KernelCalls(KernelData):
         numpy.ndarray
             Energies, shape (K, 3).
         """
-        program, instants = self.programs.programs.get("energy"), zip(q, qd, t, strict=True)
+        program = self.programs.programs.get("energy")
         if self._drive is not None or self.model.callbacks or program is None or "qd" not in program.inputs:
-            return np.array([self.energy(*instant, p) for instant in instants])
-        return np.array([self._call("energy", s, x, v, p, program.size) for x, v, s in instants])
+            return np.array([self.energy(*instant, p) for instant in zip(q, qd, t, strict=True)])
+        return self._called_at("energy", zip(t, q, qd, strict=True), p, program.size)
+
+    def _called_at(self, kernel: str, instants: Iterable[tuple[float, np.ndarray, np.ndarray]], p: np.ndarray, size: int) -> np.ndarray:
+        """A kernel of velocities at K instants (t, q, qd), shape (K, size)."""
+        return np.array([self._call(kernel, *instant, p, size) for instant in instants])
 
     def external_force(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike, p: np.ndarray) -> np.ndarray:
         """Evaluate the forces of the model's Python functions.
@@ -203,7 +208,7 @@ class KernelCalls(KernelData):
         numpy.ndarray
             Matrix, shape (m, n).
         """
-        return self._dense(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
+        return self.phi_q_pattern.dense(self.values("phi_q", t, q, None, p))
 
     def mass_matrix(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Evaluate M as a dense array.
@@ -213,7 +218,7 @@ class KernelCalls(KernelData):
         numpy.ndarray
             Matrix, shape (n, n).
         """
-        return self._dense(self.mass_pattern, self.values("mass", t, q, None, p))
+        return self.mass_pattern.dense(self.values("mass", t, q, None, p))
 
     def values(self, kernel: str, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None, p: ArrayLike | None) -> np.ndarray:
         """Evaluate a kernel without giving its output a shape.
@@ -280,12 +285,6 @@ class KernelCalls(KernelData):
         if values.ndim != 1:
             raise NcgenError("a batch has no sparse matrix; take kernels.batch for nonzeros, kernels.jacobian or kernels.mass_matrix")
         return scipy.sparse.csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape)
-
-    @staticmethod
-    def _dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:
-        dense = np.zeros((*np.shape(values)[:-1], pattern.shape[0] * pattern.shape[1]), dtype=values.dtype)
-        dense[..., pattern.flat] = values
-        return dense.reshape(*np.shape(values)[:-1], *pattern.shape)
 
 
 def is_plain(array: object, size: int) -> TypeGuard[np.ndarray]:

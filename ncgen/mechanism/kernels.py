@@ -42,45 +42,6 @@ class Kernels(KernelCalls):
         """The kernels of many states in one call; compiled when first asked for (ncgen.mechanism.kernel_batch)."""
         return self._batch(self)
 
-    def jacobians(self, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Evaluate Φ_q at a few states, without compiling anything for it.
-
-        Parameters
-        ----------
-        q : numpy.ndarray
-            Positions, shape (K, n).
-        t : numpy.ndarray
-            Times (s), shape (K,).
-        p : numpy.ndarray
-            Parameters, shape (n_p,).
-
-        Returns
-        -------
-        numpy.ndarray
-            Matrices, shape (K, m, n).
-        """
-        rows = [self.values("phi_q", now, at, None, p) for at, now in zip(q, t.tolist(), strict=True)]
-        return self._dense(self.phi_q_pattern, np.array(rows))
-
-    def dense_jacobians(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """Evaluate Φ_q at many states.
-
-        Parameters
-        ----------
-        q : array_like
-            Positions, shape (B, n).
-        t : array_like, optional
-            Time (s), or times, shape (B,).
-        p : array_like, optional
-            Parameters, shape (n_p,) or (B, n_p); None for the defaults.
-
-        Returns
-        -------
-        numpy.ndarray
-            Matrices, shape (B, m, n).
-        """
-        return self._dense(self.phi_q_pattern, self.batch.phi_q(q, t, p))
-
     # -- tangents ------------------------------------------------------------------------------
 
     @cached_property
@@ -198,29 +159,8 @@ class Kernels(KernelCalls):
         numpy.ndarray
             The matrix.
         """
-        return self._dense(*self._tangent_values(name, arguments))
-
-    def dense_tangents(self, name: str, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Evaluate a tangent kernel of positions at a few states.
-
-        Parameters
-        ----------
-        name : str
-            Name of a kernel that takes no more than q, t and p, such as phi_p.
-        q : numpy.ndarray
-            Positions, shape (K, n).
-        t : numpy.ndarray
-            Times (s), shape (K,).
-        p : numpy.ndarray
-            Parameters, shape (n_p,).
-
-        Returns
-        -------
-        numpy.ndarray
-            Matrices, shape (K, rows, columns).
-        """
-        rows = [self._tangent_values(name, {"q": at, "t": now, "p": p}) for at, now in zip(q, t.tolist(), strict=True)]
-        return self._dense(rows[0][0], np.array([values for _, values in rows]))
+        pattern, values = self._tangent_values(name, arguments)
+        return pattern.dense(values)
 
     def _tangent(self, name: str, **arguments: ArrayLike | None) -> csr_array:
         return self._sparse(*self._tangent_values(name, arguments))

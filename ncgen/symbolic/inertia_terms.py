@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
 from ncgen.errors import ModelError
@@ -18,10 +18,6 @@ from ncgen.model.rows import Owner
 from ncgen.model.values import Scalar, Value, as_sympy, is_number
 from ncgen.symbolic import mass_templates
 from ncgen.symbolic.inertia import Exact, StandardInertia, centre_weights, standard_inertia
-
-if TYPE_CHECKING:
-    pass
-
 from ncgen.symbolic.term import LinearForm, Term
 
 Amount: TypeAlias = "Exact | float"

@@ -1,4 +1,5 @@
-"""Rules of what slides, as C has them, against what they mean: parts by itertools, determinants by their limit, sums of terms by NumPy."""
+"""Rules of what slides, as C has them, against what they mean: parts by itertools, determinants by their limit, terms by NumPy, what
+becomes of contacts by cases."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from ncgen.mechanism.active_in_c import is_missed
+from ncgen.mechanism.active_in_c import Active, is_missed
 from ncgen.mechanism.sliding_in_c import first_length, is_positive, largest_slide, missed_speed, parts, unseen_velocities
 from ncgen.model.contacts import REST
 
@@ -54,3 +55,37 @@ def test_what_had_no_velocity_before_may_have_one_of_rounding():
     rows, qd = np.array([[0.1, -0.3]]), np.array([3.0, 1.0])
     assert (rows @ qd)[0] != 0.0
     assert not is_missed(csr_array(rows), np.zeros(1), np.ones(2), 0.0, qd)
+
+
+def gap_and_contact(wanted, before, happened, kinds=("NCGEN_HOLDS_RUBBING_GAP", "NCGEN_HOLDS_CONTACT")):
+    """A gap and the contact that needs it."""
+    active = Active(kinds, (-1, 0))
+    active.wanted[:], active.before[:], active.happened[:] = wanted, before, happened
+    return active
+
+
+@pytest.mark.parametrize(
+    ("wanted", "before", "happened", "changes"),
+    [
+        ((1, 1), (1, 0), (0, 1), (None, 0)),  # it sticks
+        ((1, 0), (1, 1), (0, 0), (None, 1)),  # it slips
+        ((0, 0), (1, 1), (0, 0), (1, None)),  # it leaves, and no word of slipping
+        ((1, 0), (1, 0), (0, 1), (None, 2)),  # it turns
+        ((1, 0), (1, 0), (1, 0), (None, None)),  # a gap does not turn
+    ],
+)
+def test_what_has_become_of_a_contact(wanted, before, happened, changes):
+    active = gap_and_contact(wanted, before, happened)
+    assert (active.change(0), active.change(1)) == changes
+
+
+def test_how_a_contact_slides():
+    """Not where it sticks or is open; as it was released; else as it moves, unless that is rounding."""
+    assert gap_and_contact((1, 1), (0, 0), (0, 0)).slide(1, True, True) == "NCGEN_SLIDES_NOT"
+    assert gap_and_contact((0, 0), (0, 0), (0, 0)).slide(1, True, True) == "NCGEN_SLIDES_NOT"
+    active = gap_and_contact((1, 0), (1, 1), (0, 0))
+    assert active.slide(1, True, True) == "NCGEN_SLIDES_ON"
+    active.released[1] = 1
+    assert [active.slide(1, *each) for each in ((True, True), (False, True))] == ["NCGEN_BEGINS", "NCGEN_SLIDES_ON"]
+    active.released[1], active.still[1] = 0, 1
+    assert active.slide(1, False, True) == "NCGEN_SLIDES_AS_BEFORE"

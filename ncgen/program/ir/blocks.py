@@ -176,6 +176,12 @@ class Pattern:
         rows = np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
         return rows * self.shape[1] + np.array(self.indices, dtype=int)
 
+    def dense(self, values: np.ndarray) -> np.ndarray:
+        """The matrices (…, rows, columns) of values (…, nonzeros)."""
+        dense = np.zeros((*values.shape[:-1], self.shape[0] * self.shape[1]), dtype=values.dtype)
+        dense[..., self.flat] = values
+        return dense.reshape(*values.shape[:-1], *self.shape)
+
     def positions(self) -> dict[tuple[int, int], int]:
         """{(row, column): position in the values}."""
         rows = (r for r in range(self.shape[0]) for _ in range(self.indptr[r], self.indptr[r + 1]))

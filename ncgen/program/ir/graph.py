@@ -106,7 +106,7 @@ class Graph:
 
     @classmethod
     def of(cls, ops: Iterable[Op]) -> Graph:
-        """A graph that goes on from the operations of another one, as they are."""
+        """A graph that continues from the operations of another one, as they are."""
         graph = cls()
         for op in ops:
             graph._make(*op)

@@ -67,6 +67,27 @@ int ncgen_slip_of(const ncgen_active *a, int k, int slip, int side)
     return !slip || a->happened[k] || !a->still[k] ? side : slip;
 }
 
+int ncgen_slide_of(const ncgen_active *a, int k, int released, int moves)
+{
+    if (a->wanted[k] || !a->wanted[a->needs[k]])
+        return NCGEN_SLIDES_NOT;
+    if (a->released[k] && released)
+        return NCGEN_BEGINS;
+    return moves && !a->still[k] ? NCGEN_SLIDES_ON : NCGEN_SLIDES_AS_BEFORE;
+}
+
+int ncgen_change_of(const ncgen_active *a, int k)
+{
+    const int slips = a->kinds[k] == NCGEN_HOLDS_JOINT || a->kinds[k] == NCGEN_HOLDS_CONTACT, held = a->wanted[k];
+    if (a->kinds[k] == NCGEN_HOLDS_LOCK)
+        return 0;
+    if (held == a->before[k])
+        return slips && a->happened[k] && !held ? NCGEN_TURNS : 0;
+    if (a->needs[k] >= 0 && !a->wanted[a->needs[k]])
+        return 0; /* it leaves */
+    return held ? NCGEN_RESTS : NCGEN_LEAVES;
+}
+
 /* Whether a gap is closed and does not open, or a joint or a contact does not move. */
 static int may_hold(const ncgen_active *a, int k)
 {

@@ -250,20 +250,14 @@ static int describe(ncgen_instant *i, const int *happened, const int *resting, i
 }
 
 /* How often joints and contacts have stuck, slipped or turned, and ratchets caught or released; qd (n): velocities before. */
-static void count(const ncgen_instant *i, const int *happened, const ncgen_real *qd)
+static void count(const ncgen_instant *i, const ncgen_active *active, const ncgen_real *qd)
 {
-    const ncgen_events *e = i->events;
-    const int *wanted = ncgen_flags(e, i->passage, NCGEN_WANTED);
-    for (int h = 0; h < e->n_holds; ++h) {
-        const ncgen_hold *hold = e->holds + h;
-        const ncgen_rubbing *rubbing = ncgen_rubbing_of(e, h);
-        const int slips = rubbing ? rubbing->directions == 1 : hold->kind == NCGEN_HOLDS_JOINT;
-        const int held = wanted[h], changes = held != ncgen_flags(e, i->passage, NCGEN_BEFORE)[h];
-        const int turns = slips && happened[hold->condition] && !held && !changes;
-        const int leaves = rubbing && changes && !wanted[rubbing->gap]; /* which the gap says */
-        if (ncgen_is_lock(hold) || leaves || !(turns || changes))
+    for (int h = 0; h < active->count; ++h) {
+        const ncgen_hold *hold = i->events->holds + h;
+        const int change = ncgen_change_of(active, h);
+        if (!change)
             continue;
-        ncgen_note(i->passage->log, i->n, i->moment, hold->condition, turns ? NCGEN_TURNS : held ? NCGEN_RESTS : NCGEN_LEAVES, qd, 0, 0);
+        ncgen_note(i->passage->log, i->n, i->moment, hold->condition, change, qd, 0, 0);
         i->passage->happened[hold->condition] += !ncgen_is_gap(hold);
     }
 }
@@ -290,7 +284,7 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
     status = ncgen_find_active(&c.active);
     if (status != NCGEN_OK)
         return status;
-    count(i, happened, i->passage->room + i->n);
+    count(i, &c.active, i->passage->room + i->n);
     for (int h = 0; h < n; ++h)
         if (ncgen_is_gap(e->holds + h) && (released[h] || wanted[h]))
             i->passage->signs[e->holds[h].condition] = 1;

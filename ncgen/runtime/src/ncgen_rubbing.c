@@ -143,15 +143,15 @@ int ncgen_write_ways(ncgen_instant *i, const ncgen_active *active)
         if (h < 0)
             continue;
         const ncgen_real *w = i->sliding + rubbing->first, *way = i->passage->ways + 2 * h, speed = ncgen_norm(n, w), force = ncgen_norm(n, way);
-        const int slides = active->wanted[rubbing->gap] && !active->wanted[h], begins = slides && active->released[h] && force > 0;
+        const int slide = ncgen_slide_of(active, h, force > 0, speed > 0);
         ncgen_real length = 1;
-        if (begins && n > 1)
+        if (slide == NCGEN_BEGINS && n > 1)
             status = find_beginning(i, rubbing, force, &length);
-        for (int l = 0; !slides && l < n; ++l)
+        for (int l = 0; slide == NCGEN_SLIDES_NOT && l < n; ++l)
             i->p[rubbing->slip[l]] = 0;
-        if (begins)
+        if (slide == NCGEN_BEGINS)
             write_slip(i, rubbing, way, length);
-        else if (slides && speed > 0 && !active->still[h])
+        else if (slide == NCGEN_SLIDES_ON)
             write_slip(i, rubbing, w, largest_of(i, rubbing, speed));
     }
     return status;

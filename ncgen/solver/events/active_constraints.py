@@ -120,7 +120,7 @@ class ActiveConstraints:
             )
         start, at, released, wanted = at, choice.at, choice.directions(), choice.wanted
         self.left, self._prevented = released, self._held_by_others(wanted, at)
-        return ActiveSet(at, wanted, self._happened(start, at, held, wanted, due))
+        return ActiveSet(at, wanted, self._happened(start, choice, held, due))
 
     def _held_by_others(self, wanted: Sequence[int], at: State) -> set[int]:
         """Contacts that do not stick themselves and cannot slide: their velocities are rounding, which is not watched."""
@@ -190,22 +190,16 @@ class ActiveConstraints:
         terms = float(np.max(np.abs(self.functions.sliding(at)[k][1]) @ sizes)) * at.speed(sizes)
         return largest_slide(self._largest_so_far(k, at), float(np.linalg.norm(velocity)), terms)
 
-    def _happened(
-        self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]
-    ) -> list[Happening]:
-        """What became held, or free; a joint or contact whose slip only turns round has done both."""
-        happened = []
-        for k, row in self.rows.items():
+    def _happened(self, start: State, choice: HeldChoice, before: tuple[int, ...], due: dict[int, Search]) -> list[Happening]:
+        """What became held, or free, or slips to the other side."""
+        happened, at = [], choice.at
+        for number, (k, row) in enumerate(self.rows.items()):
+            if (change := choice.active.change(number)) is None:
+                continue
             slips = k in self.functions.frictions or row.sticks
-            words = JOINTS if slips else RATCHETS if k in self.functions.ratchets else GAPS
-            change = words[0] if k in after and k not in before else words[1] if k in before and k not in after else ""
-            if row.sticks and change == JOINTS[1] and self.functions.gaps[k] not in after:
-                change = ""  # it leaves
-            if slips and not change and k in due and k not in after and len(row.rows) == 1:
-                change = JOINTS[2]
-            if change:
-                search: Search = due.get(k, "sampled" if k in before else "action")
-                happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, transition=change))
+            word = (JOINTS if slips else RATCHETS if k in self.functions.ratchets else GAPS)[change]
+            search: Search = due.get(k, "sampled" if k in before else "action")
+            happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, transition=word))
         return happened
 
     def place(self, name: str) -> int:
@@ -263,7 +257,7 @@ class HeldChoice:
         rows = tuple(owner.rows[k] for k in wanted)
         if wanted != self._tried or self._mode is None:
             self._release(wanted)
-            self.at = replace(self.at, p=self._slipping(wanted))
+            self.at = replace(self.at, p=self._slipping())
             kernels = owner.functions.mode(self.at, rows)
             self._tried, self._mode = wanted, (kernels, load_conditions(owner.functions, kernels, rows))
         (kernels, loads), at = self._mode, self.at
@@ -304,20 +298,23 @@ class HeldChoice:
         change = response(self.owner.kernels, at, slopes)
         return replace(at, q=at.q + change @ np.linalg.pinv(slopes @ change, rcond=1e-12) @ -values)
 
-    def _slipping(self, wanted: tuple[int, ...]) -> np.ndarray:
+    def _slipping(self) -> np.ndarray:
         """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
         owner, functions, at, p = self.owner, self.owner.functions, self._start, self.at.p.copy()
         values, sliding, released = functions.values(at)[0], functions.sliding(at), self.directions()
+        numbers = {k: number for number, k in enumerate(self._numbers)}
         for k, friction in functions.frictions.items():
             index = owner.place(friction.slip)
-            p[index] = self.active.slip(self._numbers.index(k), p[index], np.sign(values[k]))
+            p[index] = self.active.slip(numbers[k], p[index], np.sign(values[k]))
         for k, contact in functions.contacts.items():
             indices, velocity = [owner.place(name) for name in contact.slip], sliding[k][0]
-            if k in wanted or functions.gaps[k] not in wanted:
+            known, moves = bool(np.any(released.get(k, 0.0))), bool(np.any(velocity))
+            slide = self.active.slide(numbers[k], known, moves) if k in numbers else "NCGEN_SLIDES_NOT"
+            if slide == "NCGEN_SLIDES_NOT":
                 p[indices] = 0.0
-            elif k in released:
+            elif slide == "NCGEN_BEGINS":
                 p[indices] = released[k]
-            elif np.any(velocity) and not self.active.still[self._numbers.index(k)]:
+            elif slide == "NCGEN_SLIDES_ON":
                 length = owner.largest(k, self._start, velocity) if len(velocity) > 1 else 1.0
                 p[indices] = velocity / np.linalg.norm(velocity) * length
         return p

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +15,6 @@ from ncgen.solver import argument_checks
 from ncgen.solver.joints import identification
 from ncgen.solver.joints.joint_kinematics import JointKinematics
 from ncgen.solver.joints.joint_positions import ARGUMENTS
-
-if TYPE_CHECKING:
-    pass
 
 SLOPES = {"joint_inverse_tangent": ("t", "q", "v", "a", "p", "dx", "dv"), "joint_loads_tangent": ("t", "q", "v", "p", "dx", "dv")}
 """The programs of derivatives, and what they take."""

@@ -6,7 +6,7 @@ import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,9 +21,6 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_programs import Made
 from ncgen.solver import argument_checks, geometry
 from ncgen.symbolic.tree import Tree, moving
-
-if TYPE_CHECKING:
-    pass
 
 INPUTS = {
     "joint_position": ("t", "x", "p"),

@@ -11,7 +11,6 @@ Source: Featherstone, Rigid Body Dynamics Algorithms (2008); natural coordinates
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,9 +23,6 @@ from ncgen.solver import argument_checks
 from ncgen.solver.joints.joint_dynamics import JointDynamics
 from ncgen.solver.joints.joint_names import followed_by, names_of
 from ncgen.symbolic.tree import Tree, spanning_tree
-
-if TYPE_CHECKING:
-    pass
 
 
 def joint_space(kernels: Kernels, p: argument_checks.ArrayOrNamed | None = None) -> JointSpace:
