@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import finalize
 
 from ncgen.emit.number_table import FilledSources, NumberTable
@@ -21,9 +21,11 @@ from ncgen.model import Model
 from ncgen.model.traced_numbers import Operation, Trace, TracedComparison, computed
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.programs import Programs
-from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.traced_model import TracedModel, traced
 from ncgen.toolchain.cache_location import keep, kept
+
+if TYPE_CHECKING:
+    from ncgen.symbolic.equations import Equations
 
 FUNCTIONS_OF_NUMBERS = {name: function.python for name, function in FUNCTIONS.items()}
 
@@ -43,7 +45,7 @@ class Structured:
     emission: str
 
     @cached_property
-    def terms(self) -> Terms:
+    def terms(self) -> Equations:
         """The equations, whose numbers are traced."""
         from ncgen.symbolic.equations import build_equations
 

@@ -49,10 +49,8 @@ class Trace:
     def comparisons(self) -> list[TracedComparison]:
         return [TracedComparison(*compared, outcome) for compared, outcome in self._outcomes.items()]
 
-    def is_given(self, value: object) -> bool:
+    def is_given(self, value: Traced) -> bool:
         """True of a number of the model, and of its negative."""
-        if not isinstance(value, Traced):
-            return False
         code, operands = self.operations[value.operation]
         return code == GIVEN or (code == "neg" and self.operations[operands[0]][0] == GIVEN)
 
@@ -114,8 +112,8 @@ class Traced(float):
         made.trace, made.operation = trace, operation
         return made
 
-    def __getnewargs__(self) -> tuple[float, Trace, int]:
-        return float(self), self.trace, self.operation
+    def __reduce__(self) -> tuple[type[Traced], tuple[float, Trace, int]]:
+        return Traced, (float(self), self.trace, self.operation)
 
     def hex(self) -> str:
         """What tells it from other numbers: how it is computed, and not that its value happens to be that of another one."""

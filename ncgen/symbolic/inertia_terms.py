@@ -123,7 +123,7 @@ def _add_weight(weight: dict[Component, Amount], standard: StandardInertia, grav
                 weight[component] += coefficient * (_exact(w, coefficient) * _field(g, coefficient))
 
 
-def _field(g: Value, partner: Exact) -> Amount:
+def _field(g: Value, partner: Amount) -> Amount:
     """One component of gravity in the arithmetic of its partner."""
     return Fraction(float(g)) if is_number(g) and isinstance(partner, Fraction) else as_sympy(g)
 

@@ -16,7 +16,7 @@ from ncgen.model import Model
 from ncgen.model.catalogue import RowType
 from ncgen.model.digest import NOT_IN_EQUATIONS
 from ncgen.model.expressions import is_symbolic
-from ncgen.model.traced_numbers import Trace
+from ncgen.model.traced_numbers import Trace, Traced
 from ncgen.symbolic.inertia import StandardInertia, standard_inertia, take_standard
 from ncgen.symbolic.inertia_terms import Amount, Amounts, amounts_of, take_amounts
 from ncgen.symbolic.omissions import angle_row_type, perpendicular_pairs
@@ -150,7 +150,7 @@ class _Walk:
 
     def _amount(self, exact: Amount, rounded: Amount | None) -> Amount:
         """An exact sum, or the number of the model that is all of it."""
-        if not self.trace.is_given(rounded):
+        if not isinstance(rounded, Traced) or not self.trace.is_given(rounded):
             return self._float(float(exact))
-        self.words.append(f"operation {self.trace.operation(rounded)}")
+        self.words.append(f"operation {rounded.operation}")
         return rounded

@@ -25,8 +25,9 @@ class C(Spelling):
         return self.numbers.element(value) if self.numbers is not None and isinstance(value, Traced) else number(value)
 
     def table(self, values: tuple[float, ...]) -> str:
-        is_data = self.numbers is not None and any(isinstance(value, Traced) for value in values)
-        return self.numbers.column(values) if is_data else super().table(values)
+        if self.numbers is None or not any(isinstance(value, Traced) for value in values):
+            return super().table(values)
+        return self.numbers.column(values)
 
     def element(self, array: str, index: int, block: Block) -> str:
         return "t" if array == "t" else f"{array}[{index}]"

@@ -242,8 +242,8 @@ class Graph:
         return self._make("div", (a, b))
 
     def call(self, name: str, *args: int) -> int:
-        numbers = [self.value(a) for a in args]
-        if None not in numbers:
+        numbers = [x for x in map(self.value, args) if x is not None]
+        if len(numbers) == len(args):
             return self.const(called(name, FUNCTIONS[name].python, numbers))
         return self._make(name, args)
 

@@ -155,7 +155,7 @@ class _Placing:
 
     def _unit(self, direction: Combination) -> Unit:
         space, graph = self.space, self.lines.graph
-        weights = [graph.const(w) for w, _ in direction.terms]
+        weights = [self.lines.value(w) for w, _ in direction.terms]
         elements = [e for _, e in direction.terms]
         known = space.sum(space.times(w, self._numbers(e)) for w, e in zip(weights, elements, strict=True))
         nodes = space.sum(space.times(w, self._nodes(e)) for w, e in zip(weights, elements, strict=True))
@@ -185,10 +185,10 @@ class _Placing:
 
     def _number(self, component: Component) -> int:
         """A coordinate in the known position: as it is described, where that is the known position."""
-        equations, graph = self.lines.equations, self.lines.graph
-        described = component.value if self.is_described and is_number(component.value) else component.initial
-        is_known = self.is_described or not equations.moves(component)
-        return graph.const(described if is_known else float(self.known.q[equations.index[component]]))
+        equations = self.lines.equations
+        if equations.moves(component) and not self.is_described:
+            return self.lines.value(float(self.known.q[equations.index[component]]))
+        return self.lines.value(component.value if is_number(component.value) else component.initial)
 
 
 class Unit(NamedTuple):
