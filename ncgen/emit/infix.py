@@ -84,7 +84,8 @@ def _needed_by(block: Block) -> list[list[int]]:
 
 def _value(op: Op, block: Block, dialect: Dialect, text: dict[int, tuple[str, int]]) -> tuple[str, int]:
     if op.code == "const":
-        return dialect.number(op.value), ATOM if op.value >= 0 else UNARY
+        number = dialect.number(op.value)
+        return number, UNARY if number.startswith("-") else ATOM
     if op.code in ("load", "slot"):
         return dialect.leaf(op, block), ATOM
     if op.code == PIECES:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import operator
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
@@ -86,7 +87,7 @@ def computed(
 
     functions: {code: function of floats} of all other codes
     """
-    table = {**functions, **BINARY, "neg": operator.neg}
+    table = {**functions, **BINARY, "neg": operator.neg, "abs": operator.abs}
     values: list[float] = []
     try:
         for code, operands in operations:
@@ -100,6 +101,24 @@ def computed(
         return None
     same = all(COMPARED[name](values[a], values[b]) == outcome for name, a, b, outcome in comparisons)
     return values if same and all(map(math.isfinite, values)) else None
+
+
+ROUNDING = 4 * sys.float_info.epsilon
+"""By which a number that was computed may miss 1 or −1."""
+
+
+def folded(value: float) -> float:
+    """A number, or 0, 1 or −1 where it is that and simplifies what it meets; of a traced number the comparison is recorded, and 1 is what
+    differs from it by rounding."""
+    number = float(value)
+    if not isinstance(value, Traced):
+        return number
+    if number == 0.0:
+        return 0.0 if value == 0.0 else number
+    for unit in (1.0, -1.0):
+        if abs(number - unit) <= ROUNDING and abs(value - unit) <= ROUNDING:
+            return unit
+    return value
 
 
 class Traced(float):
@@ -123,7 +142,7 @@ class Traced(float):
         return self.trace.made("neg", -float(self), self)
 
     def __abs__(self) -> Traced:
-        return -self if self < 0.0 else self
+        return self.trace.made("abs", abs(float(self)), self)
 
     __hash__ = float.__hash__
 

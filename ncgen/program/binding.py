@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 from ncgen.errors import ModelError
 from ncgen.model.elements import Component, rate_name
 from ncgen.model.names import TIME
-from ncgen.model.traced_numbers import Traced
+from ncgen.model.traced_numbers import Traced, folded
 from ncgen.model.values import Parameter, Value, is_number
 from ncgen.program.ir.graph import FOLDED, ArrayElement, Graph
 from ncgen.program.ir.lower import LoweredTemplate, lowered
@@ -104,9 +104,10 @@ def bind(term: Term, equations: Terms, derived: Derived) -> BoundTerm:
         if is_number(v):
             if not math.isfinite(v):
                 raise ModelError(f"its {name} becomes {float(v)}; check the units of lengths and masses")
-            if v in FOLDED:
-                return Folded(float(v) + 0.0)
-            bound.constants.append(v if isinstance(v, Traced) else float(v))
+            number = folded(v)
+            if number in FOLDED and not isinstance(number, Traced):
+                return Folded(number + 0.0)
+            bound.constants.append(number)
             reference = Reference("const", len(bound.constants) - 1)
         else:
             source = ArrayElement("p", positions[v.name]) if isinstance(v, Parameter) else ArrayElement("d", derived.index(v))

@@ -16,13 +16,11 @@ from ncgen.model import Model
 from ncgen.model.catalogue import RowType
 from ncgen.model.digest import NOT_IN_EQUATIONS
 from ncgen.model.expressions import is_symbolic
-from ncgen.model.traced_numbers import Trace, Traced
+from ncgen.model.traced_numbers import ROUNDING, Trace, Traced
 from ncgen.symbolic.inertia import StandardInertia, standard_inertia, take_standard
 from ncgen.symbolic.inertia_terms import Amount, Amounts, amounts_of, take_amounts
 from ncgen.symbolic.omissions import angle_row_type, perpendicular_pairs
 from ncgen.symbolic.tree import spanning_tree
-
-FOLDED = (0.0, 1.0, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +106,10 @@ class _Walk:
         raise TypeError(f"{value!r} has no value that could be told")
 
     def _float(self, value: float) -> float:
-        self.words.append(value.hex() if value in FOLDED else "number")
-        if value in FOLDED:
-            return value
+        unit = next((unit for unit in (0.0, 1.0, -1.0) if abs(value - unit) <= (ROUNDING if unit else 0.0)), None)
+        self.words.append("number" if unit is None else unit.hex())
+        if unit is not None:
+            return unit
         self.numbers.append(value)
         return self.trace.given(value, len(self.numbers) - 1)
 

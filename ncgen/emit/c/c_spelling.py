@@ -89,6 +89,7 @@ class C(Spelling):
 
 def number(value: float) -> str:
     """The shortest text that reads back to the same double."""
+    value = float(value)
     return f"R({value!r})" if value >= 0 else f"-R({-value!r})"
 
 

@@ -15,7 +15,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 from ncgen.model.pieces import Pieces
-from ncgen.model.traced_numbers import Traced, called
+from ncgen.model.traced_numbers import Traced, called, folded
 from ncgen.program.ir.functions import FUNCTIONS
 
 
@@ -90,6 +90,11 @@ def _is_normal(value: float) -> bool:
     return math.isfinite(value) and abs(value) >= MIN_NORMAL
 
 
+def _is_negative(value: float | None) -> bool:
+    """True of a number whose sign moves outward; that of a traced number may be another one in another model, so it stays."""
+    return value is not None and not isinstance(value, Traced) and value < 0.0
+
+
 PIECES = "pieces"
 """The code of a lookup."""
 
@@ -138,9 +143,7 @@ class Graph:
         """A number. Raises OverflowError for infinity and nan."""
         if not math.isfinite(value):
             raise OverflowError(f"a constant becomes {value}")
-        if isinstance(value, Traced) and value not in FOLDED:
-            return self._make("const", leaf=value)
-        return self._make("const", leaf=float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
+        return self._make("const", leaf=folded(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
 
     def load(self, array: str, index: int) -> int:
         return self._make("load", leaf=ArrayElement(array, index))
@@ -171,9 +174,9 @@ class Graph:
             return b
         if y == 0.0:
             return a
-        if self.ops[b].code == "neg" or (y is not None and y < 0.0):
+        if self.ops[b].code == "neg" or _is_negative(y):
             return self.sub(a, self.neg(b))
-        if self.ops[a].code == "neg" or (x is not None and x < 0.0):
+        if self.ops[a].code == "neg" or _is_negative(x):
             return self.sub(b, self.neg(a))
         return self._make("add", (min(a, b), max(a, b)))
 
@@ -187,7 +190,7 @@ class Graph:
             return self.neg(b)
         if y == 0.0:
             return a
-        if self.ops[b].code == "neg" or (y is not None and y < 0.0):
+        if self.ops[b].code == "neg" or _is_negative(y):
             return self.add(a, self.neg(b))
         if self.ops[a].code == "neg":
             return self.neg(self.add(self.ops[a].args[0], b))
@@ -212,7 +215,7 @@ class Graph:
             return a
         if x == 1.0:
             return b
-        if x is not None and x < 0.0:
+        if x is not None and _is_negative(x):
             return self.neg(self.mul(self.const(-x), b))
         if self.ops[a].code == "neg":
             return self.neg(self.mul(self.ops[a].args[0], b))
