@@ -17,12 +17,20 @@ PARAMETER_PERTURBATION = 0.03
 
 def open_tree(kernels: Kernels) -> OpenTree | None:
     """The open tree that a mechanism is; None where it has loops, drivers, rolling, or bodies that are no links."""
-    return kernels.remember("open tree", (), lambda: _made(kernels))
+    made = _known(kernels, closes_loops=False)
+    return made if isinstance(made, OpenTree) else None
 
 
 def tree_with_loops(kernels: Kernels) -> OpenTree | None:
     """The same of a mechanism whose other constraints close loops of its tree of bodies, or couple motions of a joint."""
-    return open_tree(kernels) or kernels.remember("tree with loops", (), lambda: _made(kernels, closes_loops=True))
+    made = open_tree(kernels) or _known(kernels, closes_loops=True)
+    return made if isinstance(made, OpenTree) else None
+
+
+def why_no_tables(kernels: Kernels) -> str | None:
+    """Why a mechanism does not move in loops over tables, with its loops; None where it does."""
+    made = open_tree(kernels) or _known(kernels, closes_loops=True)
+    return made if isinstance(made, str) else None
 
 
 def is_open_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
@@ -31,9 +39,14 @@ def is_open_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bo
     return tree is not None and tree.is_regular(_look(kernels, p, q, t))
 
 
-def _made(kernels: Kernels, closes_loops: bool = False) -> OpenTree | None:
+def _known(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
+    return kernels.remember("tree with loops" if closes_loops else "open tree", (), lambda: _made(kernels, closes_loops))
+
+
+def _made(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
+    """The tree, or why there is none."""
     if "nu" in kernels.programs.programs or len(kernels.holonomic) < kernels.m or not 0 < kernels.m <= kernels.n:
-        return None
+        return "it has drivers, rolling, more constraints than coordinates, or no constraints"
     parameters = [kernels.p0]
     if len(kernels.p0):
         generator = np.random.default_rng(1)
@@ -43,10 +56,12 @@ def _made(kernels: Kernels, closes_loops: bool = False) -> OpenTree | None:
         )
     around = Around(kernels.q0, [partial(_look, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
     try:
-        tree = spanning_tree(kernels.model)
-        return OpenTree(kernels.programs.equations, tree, kernels.mass_pattern, kernels.phi_q_pattern, around, closes_loops)
-    except NoTables:
-        return None
+        tree = spanning_tree(kernels.model, keeps_ground=closes_loops)
+        return OpenTree(
+            kernels.programs.equations, tree, (kernels.mass_pattern, kernels.phi_q_pattern), around, kernels.model.parameters, closes_loops
+        )
+    except NoTables as reason:
+        return str(reason)
 
 
 def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> SampledPosition:
