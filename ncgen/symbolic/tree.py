@@ -81,14 +81,14 @@ def spanning_tree(model: Model, keeps_ground: bool = False) -> Tree:
     for body in waiting:
         for element in body.elements:
             users[element].append(body)
-    heap = [(len(best[body][1]), rank[body]) for body in waiting]
+    grounded = {body for body in waiting if keeps_ground and any(element.fixed for element in body.elements)}
+    heap = [(-1 if body in grounded else len(best[body][1]), rank[body]) for body in waiting]
     heapify(heap)
     taken: set[Body] = set()
-    grounded = {body for body in waiting if keeps_ground and any(element.fixed for element in body.elements)}
     while heap:
         freedoms, number = heappop(heap)
         body = waiting[number]
-        if body in taken or freedoms != len(best[body][1]):
+        if body in taken or freedoms not in (-1, len(best[body][1])):
             continue
         taken.add(body)
         links.append(TreeLink(body, *best[body]))

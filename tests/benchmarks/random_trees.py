@@ -109,16 +109,13 @@ def main(count: int) -> None:
     for number in range(count):
         tree = measure(number)
         all_trees.append(tree)
-        print(
-            f"{number:6}  {tree.bodies:6}  {tree.loops:5}  {tree.form:7}  {tree.each:9.2f}  {tree.apart:7.0e}  {tree.matrix_apart:7.0e}  {tree.fallbacks:9}  "
-            f"{tree.reason or ''}",
-            flush=True,
-        )
+        figures = f"{tree.each:9.2f}  {tree.apart:7.0e}  {tree.matrix_apart:7.0e}  {tree.fallbacks:9}  {tree.reason or ''}"
+        print(f"{number:6}  {tree.bodies:6}  {tree.loops:5}  {tree.form:7}  {figures}", flush=True)
     each = np.array([tree.each for tree in all_trees])
-    print(
-        f"{sum(tree.reason is None for tree in all_trees)} of {count} have tables, {sum(tree.form == 'tree' for tree in all_trees)} take them"
-    )
-    print(f"µs a body: median {np.median(each):.2f}, worst {np.max(each):.2f}, worst over median {np.max(each) / np.median(each):.2f}")
+    have, take = sum(tree.reason is None for tree in all_trees), sum(tree.form == "tree" for tree in all_trees)
+    print(f"{have} of {count} have tables, {take} take them")
+    median, worst = np.median(each), np.max(each)
+    print(f"µs a body: median {median:.2f}, worst {worst:.2f}, worst over median {worst / median:.2f}")
     print(f"apart at most {max(tree.apart for tree in all_trees):.0e}; the matrix {max(tree.matrix_apart for tree in all_trees):.0e}")
 
 

@@ -81,7 +81,9 @@ class TreeRows(TreeVelocities):
 
     def _lay_out(self) -> None:
         """Which rows close which link, and what."""
-        self.closes: list[dict[int, tuple[int, ...]]] = [dict(rows) for rows in self.copied_rows]
+        self.closes: list[dict[int, tuple[int, ...]]] = [
+            {r: slots for r, slots in rows.items() if r not in self.vanishing} for rows in self.copied_rows
+        ]
         left = {*self.closing, *self.vanishing}
         for r, row in enumerate(self.rows):
             if row and r not in left:
@@ -234,6 +236,6 @@ class TreeRows(TreeVelocities):
         for link, unknowns in enumerate(self.unknowns):
             block, _ = self._block(link, self.closes[link], sample.phi_q, np.zeros(len(self.sizes)))
             largest = np.max(np.abs(block), axis=1, initial=0.0)
-            scaled = block / np.where(largest > 0, largest, 1.0)[:, None]
+            scaled = block / np.where(largest > RELATIVE_TOLERANCE, largest, 1.0)[:, None]
             rank = int(np.linalg.matrix_rank(scaled, tol=RELATIVE_TOLERANCE)) if block.size else 0
             yield rank, len(block), len(unknowns) - sum(k not in self.coupled.leaders for k in self.own[link])

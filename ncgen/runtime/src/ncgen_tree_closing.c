@@ -19,18 +19,25 @@ NCGEN_SHORT_LOOPS static void find_right(const ncgen_run *r, ncgen_tree_work *w,
     }
 }
 
+/* A row that changes less than this, in natural sizes, with all coordinates of its link says nothing of them. */
+static const ncgen_scalar least_entry = R(1.0e-9);
+
 /* The products of the rows of a link, below the diagonal and on it, in w->gram. */
-NCGEN_SHORT_LOOPS static void multiply_rows(ncgen_tree_work *w, int link, int count)
+NCGEN_SHORT_LOOPS static void multiply_rows(const ncgen_run *r, ncgen_tree_work *w, int link, int count)
 {
     const ncgen_tree *tree = w->tree;
     int entry = tree->entry_start[link];
-    for (int i = 0; i < count; ++i)
+    for (int i = 0; i < count; ++i) {
+        const ncgen_scalar least = least_entry * r->dynamics->row_sizes[tree->rows[tree->row_start[link] + i]];
         for (int j = 0; j <= i; ++j, ++entry) {
             ncgen_real sum = 0;
             for (int s = tree->product_start[entry]; s < tree->product_start[entry + 1]; ++s)
                 sum += w->scaled[tree->products[2 * s]] * w->scaled[tree->products[2 * s + 1]];
             w->gram[i * count + j] = sum;
         }
+        if (!(w->gram[i * count + i] > least * least))
+            w->gram[i * count + i] = 0;
+    }
 }
 
 /* L D L' x = right, row by row: of a row above only what is eliminated already is read. A row that those before it imply is left out. */
@@ -74,7 +81,7 @@ NCGEN_SHORT_LOOPS static void close_link(const ncgen_run *r, ncgen_tree_work *w,
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
     const int first = tree->row_start[link], count = tree->row_start[link + 1] - first;
     find_right(r, w, link, phi);
-    multiply_rows(w, link, count);
+    multiply_rows(r, w, link, count);
     solve(count, r->rounding, w->gram, w->right, w->right + tree->most_rows);
     for (int i = 0; i < count; ++i) {
         const int shift = tree->slot_start[first + i] - phi_q->indptr[tree->rows[first + i]];

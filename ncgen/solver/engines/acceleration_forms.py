@@ -12,7 +12,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.program.tree.table_layout import tables_of
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.open_tree import open_tree, tree_with_loops
+from ncgen.solver.positions.open_tree import open_tree, tree_with_loops, why_no_tables
 from ncgen.solver.positions.partition import (
     choose_partitions,
 )
@@ -82,6 +82,15 @@ def _closes_loops(kernels: Kernels, method: Method) -> bool:
     """True for a tree with loops that moves in loops over tables: by an explicit method, since stiff ones need the degrees of freedom that
     loops leave."""
     return not method.integrator.takes_jacobian and tree_with_loops(kernels) is not None
+
+
+def why_matrix(kernels: Kernels, method: Method) -> str:
+    """Why a tree of bodies that is too large to be emitted takes accelerations from the factored matrix; empty where it does not."""
+    if not _may_recur(kernels, method) or _has_few_rates(kernels, least=0):
+        return ""
+    if reason := why_no_tables(kernels):
+        return f"the matrix, since {reason}"
+    return "" if open_tree(kernels) or _closes_loops(kernels, method) else "the matrix, since loops leave implicit methods no tables"
 
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:

@@ -240,6 +240,12 @@ class _Motion:
         is_open = self.run.engine in (AUTO, COMPILED) and self.run.number == "double"
         return acceleration_forms.form_of(self.kernels, self.choice.method) if is_open else "dense"
 
+    def _why(self) -> str:
+        """Why the method is taken, and where it is that of a large tree of bodies the matrix."""
+        is_open = self.run.engine in (AUTO, COMPILED) and self.engine == "c" and self.run.number == "double"
+        matrix = acceleration_forms.why_matrix(self.kernels, self.choice.method) if is_open else ""
+        return f"{self.choice.why}; {matrix}" if matrix else self.choice.why
+
     def _go_on_implicit(self, form: Form) -> str | None:
         """Take the implicit method from where the path has come to: why that cannot be done in C, or None.
 
@@ -391,7 +397,7 @@ class _Motion:
             options=method.options,
             stopped=path.stopped is not None,
             number=run.number,
-            made_with=f"{method}, {self.engine}: {self.choice.why}",
+            made_with=f"{method}, {self.engine}: {self._why()}",
             impulses=tuple(path.impulses),
             events=tuple(self.passage.happened),
             modes=modes,
