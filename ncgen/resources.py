@@ -16,10 +16,10 @@ def folder(name: str) -> Path:
     raise FileNotFoundError(f"the installation of ncgen lacks its folder {name}; install it again")
 
 
-def package_files(*names: str) -> list[Path]:
-    """The files below folders of the package, or next to it, in a fixed order."""
+def package_files(*names: str) -> list[str]:
+    """The paths of the files below folders of the package, or next to it, in a fixed order."""
     files = []
     for name in names:
         root = _PACKAGE / name if (_PACKAGE / name).is_dir() else folder(name)
-        files += sorted(Path(folder, file) for folder, _, inside in os.walk(root) for file in inside if not file.endswith(".pyc"))
+        files += sorted(os.path.join(folder, file) for folder, _, inside in os.walk(root) for file in inside if not file.endswith(".pyc"))
     return files

@@ -158,7 +158,7 @@ OWN = {
     "files.py": "opens files for all",
     "resources.py": "files of the package",
     "emit/runtime_files.py": "files of the package", "program/ir/catalogued.py": "files of the package",
-    "mechanism/recall.py": "files of the package",
+    "mechanism/generator_identity.py": "files of the package",
     "mechanism/direct.py": "files of the package", "report/repeat.py": "files of the package", "view/still.py": "files of the package",
     "exchange/xla.py": "files of packages", "exchange/examples.py": "the package's examples",
     "report/machine.py": "/proc", "toolchain/compilers.py": "/proc, and folders that it has made",

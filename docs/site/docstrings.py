@@ -28,10 +28,13 @@ class Lists(griffe.Extension):
 
 
 def whole(obj: griffe.Object, text: str) -> str:
-    """Return a docstring with the arguments of a group in it, as `help()` shows it."""
-    if not re.search(r"^\*\*\w+ : ", text, re.MULTILINE) or obj.parent is None or not obj.parent.is_module:
-        return text
-    return inspect.getdoc(getattr(import_module(obj.parent.path), obj.name)) or text
+    """Return a docstring with the arguments that a group or a class describes for it, as `help()` shows it."""
+    parent = obj.parent
+    if parent is not None and parent.is_module and re.search(r"^\*\*\w+ : ", text, re.MULTILINE):
+        return inspect.getdoc(getattr(import_module(parent.path), obj.name)) or text
+    if isinstance(parent, griffe.Class) and obj.is_function and any(str(each.value).startswith("shares(") for each in parent.decorators):
+        return inspect.getdoc(getattr(getattr(import_module(parent.path.rpartition(".")[0]), parent.name), obj.name)) or text
+    return text
 
 
 def tabled(text: str) -> str:

@@ -1,4 +1,4 @@
-"""`ncgen compare`: kernels and derivatives by hand, generated and by differences; error next to time."""
+"""`ncgen compare`: kernels and derivatives, generated, by differences and of the user's own; error next to time."""
 
 from __future__ import annotations
 
@@ -14,20 +14,13 @@ from ncgen.comparisons.rivals.base import KERNELS, differentiable
 from ncgen.compiler import compile
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
-from ncgen.report.clock import Spread, measure
+from ncgen.report.clock import Spread, is_noisy, measure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COMPARED = ("phi_q", "gamma", "mass")
-TITLES = {
-    "phi_q": "Φ_q, the Jacobian",
-    "gamma": "γ, of the accelerations",
-    "mass": "M, the mass matrix",
-    "all": "Φ, Φ_q and γ together",
-}
-NOISE_MARK = 0.3
-"""Distance of the quartiles, relative to the median, from which a time is marked."""
+TITLES = {"phi_q": "Φ_q, the Jacobian", "gamma": "γ, of the accelerations", "mass": "M, the mass matrix", "all": "Φ, Φ_q and γ together"}
 
 
 def compare(model: Model, users: Sequence[str] = (), others: Others = nobody) -> Iterator[tuple[str, list[dict]]]:
@@ -81,7 +74,7 @@ def record_of(rival: Rival, kernel: str, spread: Spread, errors: Sequence[tuple[
         "tool": rival.name,
         "language": rival.language,
         **spread.seconds(rival.calls),
-        "noisy": spread.high - spread.low > NOISE_MARK * spread.median,
+        "noisy": is_noisy(spread.low, spread.median, spread.high),
         "error": error,
         "ulps_max": largest,
         "ulps_rms": rms,
@@ -107,19 +100,9 @@ MIN_DRAWN_ERROR = 1e-20
 """The least error that is drawn: numbers without one have a place, too."""
 
 HEAD = (
-    "",
-    "from C, ns",
-    "from Python, µs",
-    "quartiles",
-    "ratio",
-    "error",
-    "ulps",
-    "rms",
-    "generated, s",
-    "compiled, s",
-    "operations",
+    "", "from C, ns", "from Python, µs", "quartiles", "ratio", "error", "ulps", "rms", "generated, s", "compiled, s", "operations",
     "bytes",
-)
+)  # fmt: skip
 
 
 def table(records: list[dict]) -> list[tuple[str, ...]]:

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ncgen.comparisons import compare
-from ncgen.comparisons.bench import aligned
 from ncgen.comparisons.rivals import Others, nobody
 from ncgen.comparisons.rivals.user import UserFunction
 from ncgen.errors import NcgenError
 from ncgen.model import Model
-from ncgen.report.document import Section, page
+from ncgen.report.document import Section, aligned, page
 from ncgen.report.machine import machine
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""The C library in ncgen/runtime: its files as they stand, and those headers of it that are printed from the table of methods.
+"""The C library in ncgen/runtime: its files as they stand, and those headers of it that are printed from tables in Python.
 
     include/   what a model's source and programs around it include
     src/       the library, one idea a file
@@ -19,11 +19,12 @@ from typing import Any
 from ncgen.emit.environment import render
 from ncgen.files import write_text
 from ncgen.methods.table import FORMALISMS, INTEGRATORS
+from ncgen.model.contacts import REST
 
 FOLDER = Path(__file__).resolve().parent.parent / "runtime"
 
-PRINTED = ("ncgen_facts.h", "ncgen_methods.h", "ncgen_tableaus.h")
-"""Headers with a template in templates/c, of the formalisms and integrators that are in C."""
+PRINTED = ("ncgen_facts.h", "ncgen_methods.h", "ncgen_rest.h", "ncgen_tableaus.h")
+"""Headers with a template in templates/c: the formalisms and integrators that are in C, and what conditions of contacts say of rest."""
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
 """What the source of a model includes."""
@@ -124,7 +125,7 @@ def formula_names() -> tuple[str, ...]:
 
 def event_names() -> tuple[str, ...]:
     """The files of the library that say what happens at an instant of events, whatever it is of."""
-    return _part("ncgen_active.c", "ncgen_chain.c", "ncgen_impulses.c", "ncgen_rates.c")
+    return _part("ncgen_active.c", "ncgen_chain.c", "ncgen_impulses.c", "ncgen_rates.c", "ncgen_sliding.c")
 
 
 def _part(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:
@@ -168,7 +169,7 @@ def runtime_files(*names: str, defined: Sequence[str] = ()) -> dict[str, str]:
 def runtime_text(name: str) -> str:
     """One file of the library. Raises FileNotFoundError for one that it does not have."""
     if name in PRINTED:
-        return render(f"c/{name}.jinja", **_methods())
+        return render(f"c/{name}.jinja", rest=REST, **_methods())
     candidates = [FOLDER / folder / name for folder in ("include", "src", "lanes", "generic")]
     return next((path for path in candidates if path.is_file()), candidates[0]).read_text(encoding="utf-8")
 

@@ -16,7 +16,6 @@ from typing import Any, TypedDict, TypeVar, Unpack
 from ncgen.errors import MAX_ECHO, ModelError, NcgenError, shortened
 from ncgen.exchange import robots
 from ncgen.exchange.text import as_path, why_no_file
-from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.words import is_required
 from ncgen.files import is_file, opened
 from ncgen.model import Model
@@ -131,7 +130,12 @@ def load(path: str | Path, **robot: Unpack[RobotArguments]) -> Model:
         return _checked(example_module(path))
     if not is_file(file):
         raise _no_such(path, file)
-    model = load_toml(file) if suffix == ".toml" else _checked(_import(file))
+    if suffix == ".toml":
+        from ncgen.exchange.toml_reader import load_toml
+
+        model = load_toml(file)
+    else:
+        model = _checked(_import(file))
     model.drawing.folder = file.resolve().parent
     return model
 

@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 from ncgen.errors import MAX_ECHO, ModelError, UnknownName, shortened
 from ncgen.exchange.choices import PIECEWISE, piecewise
 from ncgen.exchange.expression_size import Measure
-from ncgen.exchange.slips import has_unit, repaired
-from ncgen.exchange.syntax import CONSTANTS, PRODUCTS, SUMS, chain, dotted, number_of, quoted
+from ncgen.exchange.syntax import CONSTANTS, PRODUCTS, SUMS, chain, dotted, has_unit, number_of, quoted, repaired
 from ncgen.model.curves import BUILT_IN, STEP, Curve, smooth_step
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import check_expression

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -12,7 +12,15 @@ from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime_library import interface_of, runtime_of
 from ncgen.toolchain.abi import InC
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 Kind = Literal["NCGEN_HOLDS_GAP", "NCGEN_HOLDS_RUBBING_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_CONTACT", "NCGEN_HOLDS_RATCHET"]
+
+Slide = Literal["NCGEN_SLIDES_NOT", "NCGEN_BEGINS", "NCGEN_SLIDES_ON", "NCGEN_SLIDES_AS_BEFORE"]
+
+SLIDES: tuple[Slide, ...] = ("NCGEN_SLIDES_NOT", "NCGEN_BEGINS", "NCGEN_SLIDES_ON", "NCGEN_SLIDES_AS_BEFORE")
+"""How contacts slide, in C."""
 
 MASKS = ("before", "happened", "rests", "closed", "still", "wanted", "released")
 
@@ -70,6 +78,16 @@ class Active:
         """Note that a contact that is still would begin to slide against others that were released."""
         self.still[number] = self._library.NCGEN_OPPOSED
 
+    def slide(self, number: int, released: bool, moves: bool) -> Slide:
+        """How a contact slides; released: whether it is known in which direction it was; moves: whether it has a velocity."""
+        code = self._library.ncgen_slide_of(self._struct, number, int(released), int(moves))
+        return next(name for name in SLIDES if code == getattr(self._library, name))
+
+    def change(self, number: int) -> int | None:
+        """What has become of something: 0 where it is held from now on, 1 where it no longer is, 2 where it slips to the other side."""
+        code = int(self._library.ncgen_change_of(self._struct, number))
+        return code - int(self._library.NCGEN_RESTS) if code else None
+
     def slip(self, number: int, slip: float, side: float) -> int:
         """The direction in which a joint slips, before `slip`; side: of its velocity."""
         return int(self._library.ncgen_slip_of(self._struct, number, int(slip), int(side)))
@@ -78,6 +96,19 @@ class Active:
 def is_still(velocity: float, terms: float, drift: float = 0.0) -> bool:
     """Whether something does not move, but for rounding, whose velocity consists of terms and a drift."""
     return bool(runtime_of("double", "events").ncgen_is_still(velocity, terms, drift))
+
+
+def is_missed(jacobian: csr_array, nu: np.ndarray, sizes: np.ndarray, speed: float, qd: np.ndarray) -> bool:
+    """Whether velocities qd (n,) miss Φ_q q̇ = ν by more than rounding, so that a lock cannot close.
+
+    jacobian (m, n): Φ_q; nu (m,); sizes (n,): natural sizes of coordinates; speed: the largest velocity before (1/s) in these
+    """
+    ffi = interface_of("double")
+    arrays = {name: np.array(getattr(jacobian, name), dtype=np.intc) for name in ("indptr", "indices")}
+    members = {name: pointer(ffi, array, "int[]") for name, array in arrays.items()}
+    pattern = ffi.new("ncgen_pattern *", {"rows": len(nu), "columns": len(qd), **members})
+    values, nu_in_c, sizes_in_c, qd_in_c = (pointer(ffi, np.ascontiguousarray(each)) for each in (jacobian.data, nu, sizes, qd))
+    return bool(runtime_of("double", "events").ncgen_is_missed(pattern, values, nu_in_c, sizes_in_c, speed, qd_in_c))
 
 
 def leaves_none(mobility: float, whole: float) -> bool:

@@ -34,7 +34,7 @@ def numbers(values: ArrayLike | None, label: str, complex_too: bool = False) -> 
     """
     if type(values) is np.ndarray and values.dtype == float and values.flags.carray:
         return values
-    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+    if has_masked(values):
         raise NcgenError(f"{label} has masked numbers; fill them")
     try:
         array = np.asarray(values)
@@ -53,6 +53,11 @@ def numbers(values: ArrayLike | None, label: str, complex_too: bool = False) -> 
             raise NcgenError(f"{label} has a number beyond 1.8e308; give one that a double can hold") from None
     dtype = np.result_type(float, array.dtype) if complex_too else np.dtype(float)
     return np.require(array, dtype, ["C", "A"]).reshape(array.shape)
+
+
+def has_masked(values: object) -> bool:
+    """True for an array with masked numbers; without importing NumPy's module of these where there are none."""
+    return isinstance(values, np.ndarray) and type(values) is not np.ndarray and bool(np.ma.is_masked(values))
 
 
 def sized(values: ArrayLike | None, count: int, label: str, complex_too: bool = False) -> np.ndarray:

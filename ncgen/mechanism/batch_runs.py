@@ -21,6 +21,7 @@ from ncgen.mechanism.kernel_batch import LANES, aligned, in_lanes, load, thread_
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.motion_sources import Written
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.methods.table import INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC, declared, runtime_abi
 
@@ -83,9 +84,7 @@ class LaneDynamics:
         self,
         method: str,
         times: ArrayLike,
-        q: np.ndarray,
-        zd: np.ndarray,
-        p: np.ndarray,
+        initial: InitialState,
         threads: int | None = None,
         progress: Callable[[float], None] | None = None,
         breaks: Sequence[np.ndarray] | None = None,
@@ -93,19 +92,18 @@ class LaneDynamics:
     ) -> LaneOutcome:
         """Run all states over the times (s) of a grid.
 
-        q (B, n) in m and rad, zd (B, nz) in the same per second: where they start; p (n_p,) or (B, n_p)
         threads: None for one on every processor that this process may use
         progress: called now and then with the share of the states that have arrived. What it raises, or a handler of a signal
             such as that of Ctrl-C, ends the call: it is in the outcome, and the states that were on their way are "interrupted"
         breaks: of every state those of its laws in time, (…, 2), as `break_times` finds them; None where there are none
-        options: the members of `ncgen_options`, by their names
+        options: the members of `ncgen_options`, by their names; sizes is an array, or None for 1
         Raises NcgenError for a method, times or fixed steps that there cannot be.
         """
-        times = np.ascontiguousarray(times, dtype=float)
-        rows = len(q), len(times)
+        times, count = np.ascontiguousarray(times, dtype=float), len(np.asarray(initial.q))
+        rows = count, len(times)
         q_rows, qd_rows = np.full((*rows, self.kernels.n), np.nan), np.full((*rows, self.kernels.n), np.nan)
         work = np.full(rows, np.nan)
-        status, steps, reached = np.zeros(len(q), dtype=np.intc), np.zeros(len(q), dtype="l"), np.full(len(q), times[0])
+        status, steps, reached = np.zeros(count, dtype=np.intc), np.zeros(count, dtype="l"), np.full(count, times[0])
         out = [(array, "double[]") for array in (q_rows, qd_rows, work)] + [(status, "int[]"), (steps, "long[]"), (reached, "double[]")]
         listener = _BatchListener(progress, self.kernels.n + self.kernels.m)
         sizes = options.pop("sizes", None)
@@ -126,7 +124,7 @@ class LaneDynamics:
             "attempts_left": listener.attempts,
         }
         ended = self._call(
-            self._library.ncgen_batch_simulate, options, (q, zd, p), (*ends, len(times), pointer(self._ffi, times)), out, threads
+            self._library.ncgen_batch_simulate, options, initial, (*ends, len(times), pointer(self._ffi, times)), out, threads
         )
         if STATUS[ended] == "argument":
             remedy = "let them ascend, and give rk4 a max_step that is not tiny"
@@ -150,17 +148,17 @@ class LaneDynamics:
         """
         status = np.zeros(len(q), dtype=np.intc)
         outputs = [(array, "double[]") for array in out] + [(status, "int[]")]
-        self._call(self._library.ncgen_batch_accelerate, options, (q, zd, p), (t,), outputs, threads)
+        self._call(self._library.ncgen_batch_accelerate, options, InitialState(q, zd, p), (t,), outputs, threads)
         if status.any():
             for array in (a for a in out if a is not None):
                 array[status != 0] = np.nan
         return status
 
-    def _checked(self, q: np.ndarray, zd: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
+    def _checked(self, states: InitialState) -> list[np.ndarray]:
         """States as C reads them: q (B, n), zd (B, nz) and p (B, n_p), or (n_p,) where it is the same row for all."""
-        kernels = self.kernels
+        kernels, p = self.kernels, np.asarray(states.p)
         p = p[0] if p.ndim == 2 and p.strides[0] == 0 else p
-        counts = {"q": (q, kernels.n), "zd": (zd, len(self.split.independent)), "p": (p, len(kernels.p0))}
+        counts = {"q": (states.q, kernels.n), "zd": (states.velocities, len(self.split.independent)), "p": (p, len(kernels.p0))}
         laid_out = [laid(array, float, count, f"{kernels.name}: {name}") for name, (array, count) in counts.items()]
         if len({len(array) for array in laid_out if array.ndim == 2}) != 1:
             raise NcgenError(f"{kernels.name}: q, zd and p have {[array.shape for array in laid_out]}; one row for each state is needed")
@@ -170,13 +168,13 @@ class LaneDynamics:
         self,
         function: InC,
         options: dict[str, InC],
-        state: tuple[np.ndarray, np.ndarray, np.ndarray],
+        states: InitialState,
         instants: tuple[InC, ...],
         out: Sequence[tuple[np.ndarray | None, str]],
         threads: int | None,
     ) -> int:
-        """One call of the library for states q, zd, p at some instants; out: (array, kind) to be filled."""
-        q, zd, p = self._checked(*state)
+        """One call of the library for states at some instants; out: (array, kind) to be filled."""
+        q, zd, p = self._checked(states)
         threads = thread_count(threads, self.kernels.name) if self.has_threads else 1
         work = aligned(threads * self._library.ncgen_batch_run_workspace(self._model, self._dynamics))
         in_c = partial(pointer, self._ffi)  # out was made here, or has gone through `arguments.writable`

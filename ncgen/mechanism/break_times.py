@@ -81,10 +81,10 @@ def break_times(
     return merged(np.concatenate(breaks), start, end, gap)
 
 
-def breaks_of_laws(kernels: Kernels, laws: TimeLaws, start: float, end: float) -> np.ndarray:
-    """The breaks of some of a mechanism's laws with its own parameters, as of `break_times`."""
-    gap = UNCERTAINTY * DOUBLE * max(abs(start), abs(end))
-    return merged(_of_laws(laws, np.asarray(kernels.p0), start, end, gap, ()), start, end, gap)
+def breaks_of_laws(kernels: Kernels, laws: TimeLaws, end: float) -> np.ndarray:
+    """The breaks of some of a mechanism's laws up to a time (s) with its own parameters, as of `break_times`."""
+    gap = UNCERTAINTY * DOUBLE * abs(end)
+    return merged(_of_laws(laws, np.asarray(kernels.p0), 0.0, end, gap, ()), 0.0, end, gap)
 
 
 def _of_laws(laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float, driven: Collection[int]) -> np.ndarray:

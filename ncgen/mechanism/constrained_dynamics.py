@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +14,17 @@ from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_sources import Seen, motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
-from ncgen.mechanism.recall import Files
+from ncgen.mechanism.recall import Files, derived
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.mechanism.runtime import Dynamics, Outcome
 from ncgen.mechanism.runtime_library import Part, compiling_thread, load_with_headers, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.tree.table_layout import TreeTables
 from ncgen.toolchain.abi import InC, Interface
+
+MIN_CACHED_UNKNOWNS = 100
+"""Unknowns of the matrix from which on the plan by which it is factored is kept in the cache: making it takes longer."""
 
 
 class ConstrainedDynamics(Dynamics):
@@ -47,8 +51,7 @@ class ConstrainedDynamics(Dynamics):
         runtime.join()
         super().__init__(kernels, number)
         self.singular_mass = singular = not is_definite(kernels)
-        patterns = kernels.mass_pattern, kernels.phi_q_pattern
-        self.plan = kernels.remember("elimination", (), lambda: plan(*patterns, rows_first=singular))
+        self.plan = kernels.remember("elimination", (), lambda: _plan(kernels, singular))
         self._elimination = self._ffi.new("ncgen_elimination *", {"size": self.plan.size, "nonzeros": self.plan.nonzeros})
         self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
         self._dynamics.elimination = self._elimination
@@ -127,13 +130,24 @@ class ConstrainedDynamics(Dynamics):
         described.n_dependent = rank
         return self._model, described
 
-    def simulate(
-        self, method: str, times: ArrayLike, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, *, rank: int = 0, **options: InC
-    ) -> Outcome:
+    def simulate(self, method: str, times: ArrayLike, initial: InitialState, *, rank: int = 0, **options: InC) -> Outcome:
         """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
         self._dynamics.n_dependent = rank
-        done = super().simulate(method, times, q, velocities, p, **options)
+        done = super().simulate(method, times, initial, **options)
         if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
             # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
-            done = super().simulate(method, times, q, velocities, p, newton=True, **options)
+            done = super().simulate(method, times, initial, newton=True, **options)
         return done
+
+
+def _plan(kernels: Kernels, rows_first: bool) -> Elimination:
+    """How the matrix is factored; of a large one from the cache, or made now."""
+
+    def made() -> Elimination:
+        return plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first)
+
+    if kernels.n + kernels.m < MIN_CACHED_UNKNOWNS:
+        return made()
+    members = derived(kernels.programs, f"elimination {'rows' if rows_first else 'coordinates'} first", lambda: vars(made()))
+    arrays: dict[str, Any] = {name: tuple(members[name]) for name in Elimination.ARRAYS}
+    return Elimination(**members | arrays)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.library import STATUS
+from ncgen.mechanism.listening import keeper
 from ncgen.toolchain.abi import InC, Interface, Number, runtime_abi
 from ncgen.toolchain.once import once
 
@@ -101,7 +101,4 @@ def _callback_of(number: str) -> InC:
             values[i] = function(float(t))
         return 0
 
-    def keep(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
-        ffi.from_handle(traceback.tb_frame.f_locals["context"]).raised = raised
-
-    return ffi.callback("ncgen_inputs *", ask, error=STATUS.index("interrupted"), onerror=keep)
+    return ffi.callback("ncgen_inputs *", ask, error=STATUS.index("interrupted"), onerror=keeper(ffi))

@@ -112,7 +112,7 @@ class MotionRows:
     """Where motions begin, what drives them, and what becomes of them.
 
     times (points,): s; q, qd (B, n), p (B, n_p): starts; out_q, out_qd (B, points, n), out_work (B, points)
-    inputs: as of `Dynamics.simulate`, the same for all; breaks (B,): of each those of its laws (K, 2), s; () where nothing depends on time
+    inputs: `signals` of `RunInputs`, the same for all; breaks (B,): of each those of its laws (K, 2), s; () where nothing depends on time
     rows, steps (B,): how many there are; ended (B,): s
     """
 

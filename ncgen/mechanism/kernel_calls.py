@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ncgen.errors import DomainError, ModelError, NcgenError, shown
 from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.reactive import ReactiveForce
+from ncgen.mechanism.shared_docstrings import shares
 from ncgen.model.forces import Callback
 from ncgen.program.ir.blocks import Pattern
 
@@ -23,20 +24,23 @@ from ncgen.mechanism.kernel_data import KernelData
 FLOAT = np.dtype(float)
 
 
+ARGUMENTS = {
+    "q": "array_like\nPosition, shape (n,), in m and rad.",
+    "qd": "array_like\nVelocity, shape (n,).",
+    "qdd": "array_like\nAcceleration, shape (n,).",
+    "lam": "array_like\nLagrange multipliers, shape (m,).",
+    "t": "array_like\nTime (s).",
+    "p": "array_like\nParameters, shape (n_p,); None for the defaults.",
+}
+"""What the arguments of kernels are, of methods that do not say otherwise."""
+
+
+@shares(**ARGUMENTS)
 class KernelCalls(KernelData):
     """Φ, Φ_q, ν, γ, M, Q and energies of one mechanism."""
 
     def phi(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Evaluate the constraint equations Φ(q, t).
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -48,15 +52,6 @@ class KernelCalls(KernelData):
     def phi_q(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate the Jacobian Φ_q.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -67,15 +62,6 @@ class KernelCalls(KernelData):
     def nu(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Evaluate ν = −Φ_t, so that Φ_q q̇ = ν.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         numpy.ndarray
@@ -85,17 +71,6 @@ class KernelCalls(KernelData):
 
     def gamma(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Evaluate γ, so that Φ_q q̈ = γ.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -111,17 +86,6 @@ class KernelCalls(KernelData):
 
         This is faster than three calls, since they have much in common.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         tuple
@@ -136,15 +100,6 @@ class KernelCalls(KernelData):
     def mass(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate the mass matrix M.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -154,17 +109,6 @@ class KernelCalls(KernelData):
 
     def force(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Evaluate the generalised forces Q.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -176,17 +120,6 @@ class KernelCalls(KernelData):
 
     def energy(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Evaluate energies and the power of forces without a potential.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -227,12 +160,6 @@ class KernelCalls(KernelData):
 
         Parameters
         ----------
-        t : array_like
-            Time (s).
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
         p : numpy.ndarray
             Parameters with the inputs at t, shape (n_p,).
 
@@ -271,40 +198,22 @@ class KernelCalls(KernelData):
     def jacobian(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Evaluate Φ_q as a dense array, for linear algebra on small mechanisms.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         numpy.ndarray
             Matrix, shape (m, n).
         """
-        return self._dense(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
+        return self.phi_q_pattern.dense(self.values("phi_q", t, q, None, p))
 
     def mass_matrix(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Evaluate M as a dense array.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
         numpy.ndarray
             Matrix, shape (n, n).
         """
-        return self._dense(self.mass_pattern, self.values("mass", t, q, None, p))
+        return self.mass_pattern.dense(self.values("mass", t, q, None, p))
 
     def values(self, kernel: str, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None, p: ArrayLike | None) -> np.ndarray:
         """Evaluate a kernel without giving its output a shape.
@@ -313,14 +222,6 @@ class KernelCalls(KernelData):
         ----------
         kernel : str
             Name of the kernel, such as phi_q.
-        t : array_like
-            Time (s).
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        p : array_like
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -379,12 +280,6 @@ class KernelCalls(KernelData):
         if values.ndim != 1:
             raise NcgenError("a batch has no sparse matrix; take kernels.batch for nonzeros, kernels.jacobian or kernels.mass_matrix")
         return scipy.sparse.csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape)
-
-    @staticmethod
-    def _dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:
-        dense = np.zeros((*np.shape(values)[:-1], pattern.shape[0] * pattern.shape[1]), dtype=values.dtype)
-        dense[..., pattern.flat] = values
-        return dense.reshape(*np.shape(values)[:-1], *pattern.shape)
 
 
 def is_plain(array: object, size: int) -> TypeGuard[np.ndarray]:

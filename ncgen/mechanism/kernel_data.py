@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable
 from copy import copy
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar
+from typing import Any, Self, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,9 +22,6 @@ from ncgen.program.ir.blocks import Program, Slot
 from ncgen.program.ir.evaluate import evaluate_rows
 from ncgen.program.programs import Programs
 from ncgen.toolchain.preparation import preparing
-
-if TYPE_CHECKING:
-    pass
 
 Found = TypeVar("Found")
 
@@ -117,6 +114,11 @@ class KernelData(ABC):
             Parameters, shape (n_p,).
         """
         return p if self._drive is None else self._drive(t, p)
+
+    @property
+    def computed_by(self) -> str:
+        """What tells kernels of the same programs apart that may round otherwise."""
+        return self.backend
 
     def remember(self, kind: str, key: Hashable, find: Callable[[], Found], most: int | None = None) -> Found:
         """Return a value that is computed once for a key and cached with the kernels.

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.mechanism.kernel_batch import Batch
-from ncgen.mechanism.kernel_calls import KernelCalls, is_plain
+from ncgen.mechanism.kernel_calls import ARGUMENTS, KernelCalls, is_plain
+from ncgen.mechanism.shared_docstrings import shares
 from ncgen.mechanism.tangents import Tangents
 from ncgen.program.ir.blocks import Pattern
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
+@shares(**ARGUMENTS)
 class Kernels(KernelCalls):
     """The kernels of one mechanism.
 
@@ -39,45 +41,6 @@ class Kernels(KernelCalls):
     def batch(self) -> Batch:
         """The kernels of many states in one call; compiled when first asked for (ncgen.mechanism.kernel_batch)."""
         return self._batch(self)
-
-    def jacobians(self, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Evaluate Φ_q at a few states, without compiling anything for it.
-
-        Parameters
-        ----------
-        q : numpy.ndarray
-            Positions, shape (K, n).
-        t : numpy.ndarray
-            Times (s), shape (K,).
-        p : numpy.ndarray
-            Parameters, shape (n_p,).
-
-        Returns
-        -------
-        numpy.ndarray
-            Matrices, shape (K, m, n).
-        """
-        rows = [self.values("phi_q", now, at, None, p) for at, now in zip(q, t.tolist(), strict=True)]
-        return self._dense(self.phi_q_pattern, np.array(rows))
-
-    def dense_jacobians(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """Evaluate Φ_q at many states.
-
-        Parameters
-        ----------
-        q : array_like
-            Positions, shape (B, n).
-        t : array_like, optional
-            Time (s), or times, shape (B,).
-        p : array_like, optional
-            Parameters, shape (n_p,) or (B, n_p); None for the defaults.
-
-        Returns
-        -------
-        numpy.ndarray
-            Matrices, shape (B, m, n).
-        """
-        return self._dense(self.phi_q_pattern, self.batch.phi_q(q, t, p))
 
     # -- tangents ------------------------------------------------------------------------------
 
@@ -98,21 +61,6 @@ class Kernels(KernelCalls):
 
         Forces of Python functions are not included.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        qdd : array_like
-            Acceleration, shape (n,).
-        lam : array_like
-            Lagrange multipliers, shape (m,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -125,17 +73,6 @@ class Kernels(KernelCalls):
 
         Forces of Python functions are not included.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -145,19 +82,6 @@ class Kernels(KernelCalls):
 
     def phidd_q(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate ∂(Φ_q q̈ − γ)/∂q.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        qdd : array_like
-            Acceleration, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -169,17 +93,6 @@ class Kernels(KernelCalls):
     def phidd_qd(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate −∂γ/∂q̇.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -189,15 +102,6 @@ class Kernels(KernelCalls):
 
     def phi_p(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate ∂Φ/∂p.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -209,17 +113,6 @@ class Kernels(KernelCalls):
     def phid_p(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate ∂(Φ_q q̇ − ν)/∂p.
 
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
-
         Returns
         -------
         scipy.sparse.csr_array
@@ -229,19 +122,6 @@ class Kernels(KernelCalls):
 
     def phidd_p(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Evaluate ∂(Φ_q q̈ − γ)/∂p.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        qdd : array_like
-            Acceleration, shape (n,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -254,21 +134,6 @@ class Kernels(KernelCalls):
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
     ) -> csr_array:
         """Evaluate ∂(M q̈ + Φ_qᵀ λ − Q)/∂p.
-
-        Parameters
-        ----------
-        q : array_like
-            Position, shape (n,), in m and rad.
-        qd : array_like
-            Velocity, shape (n,).
-        qdd : array_like
-            Acceleration, shape (n,).
-        lam : array_like
-            Lagrange multipliers, shape (m,).
-        t : array_like, optional
-            Time (s).
-        p : array_like, optional
-            Parameters, shape (n_p,); None for the defaults.
 
         Returns
         -------
@@ -294,29 +159,8 @@ class Kernels(KernelCalls):
         numpy.ndarray
             The matrix.
         """
-        return self._dense(*self._tangent_values(name, arguments))
-
-    def dense_tangents(self, name: str, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Evaluate a tangent kernel of positions at a few states.
-
-        Parameters
-        ----------
-        name : str
-            Name of a kernel that takes no more than q, t and p, such as phi_p.
-        q : numpy.ndarray
-            Positions, shape (K, n).
-        t : numpy.ndarray
-            Times (s), shape (K,).
-        p : numpy.ndarray
-            Parameters, shape (n_p,).
-
-        Returns
-        -------
-        numpy.ndarray
-            Matrices, shape (K, rows, columns).
-        """
-        rows = [self._tangent_values(name, {"q": at, "t": now, "p": p}) for at, now in zip(q, t.tolist(), strict=True)]
-        return self._dense(rows[0][0], np.array([values for _, values in rows]))
+        pattern, values = self._tangent_values(name, arguments)
+        return pattern.dense(values)
 
     def _tangent(self, name: str, **arguments: ArrayLike | None) -> csr_array:
         return self._sparse(*self._tangent_values(name, arguments))

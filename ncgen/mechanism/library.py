@@ -54,6 +54,11 @@ class CompiledKernels(Kernels):
         return getattr(self.descriptor, kernel)
 
     @property
+    def computed_by(self) -> str:
+        """As of all kernels: the key of the library, which its compiler and flags are part of."""
+        return f"{self.backend} {self.library.parent.name}"
+
+    @property
     def fingerprint(self) -> str:
         """A digest of the generated source."""
         return self._ffi.string(self.descriptor.fingerprint).decode()

@@ -95,8 +95,16 @@ def watch(number: str) -> InC:
     def hear(context: InC, t: InC) -> int:
         return ffi.from_handle(context).hear(float(t))
 
+    return ffi.callback("ncgen_progress_function *", hear, error=0, onerror=keeper(ffi))
+
+
+def keeper(ffi: Interface) -> Callable[[type[BaseException], BaseException, TracebackType], None]:
+    """What notes what a function raised that C calls, as `raised` of the object whose handle its argument `context` is.
+
+    A handler of a signal may raise between any two instructions, before the function could catch it: cffi hands on whatever it was.
+    """
+
     def keep(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
-        # A handler may raise between any two instructions, before `hear` could catch it: cffi hands on whatever it was.
         ffi.from_handle(traceback.tb_frame.f_locals["context"]).raised = raised
 
-    return ffi.callback("ncgen_progress_function *", hear, error=0, onerror=keep)
+    return keep

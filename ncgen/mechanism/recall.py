@@ -6,24 +6,21 @@ The key is the whole model (ncgen.model.digest) and all that makes code of it. W
 from __future__ import annotations
 
 import hashlib
-import platform
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
-from functools import cache
-from importlib.metadata import version
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 from weakref import finalize
 
 import numpy as np
 
 from ncgen.emit.sources import Sources
+from ncgen.mechanism.generator_identity import generator_identity
 from ncgen.model import Model
 from ncgen.model.digest import digest
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.programs import Programs, TangentPrograms
-from ncgen.resources import package_files
 from ncgen.symbolic.numbering import DeferredTerms
 from ncgen.toolchain.cache_location import Json, keep, kept
 from ncgen.toolchain.undisturbed import undisturbed
@@ -31,12 +28,12 @@ from ncgen.toolchain.undisturbed import undisturbed
 Files: TypeAlias = dict[str, str]
 """{file name: text}."""
 
+Made = TypeVar("Made")
+"""What JSON can say, with lists for tuples."""
+
 KIND = "programs"
 MAX_ENTRY_BYTES = 8_000_000
 """Bytes up to which an entry is kept: larger models are seldom started again and again."""
-
-PACKAGES = ("jinja2", "mpmath", "numpy", "sympy")
-"""What generating relies on."""
 
 PARTS = {kind.__name__: kind for kind in (Column, ArrayElement, Loop, Pattern, Pieces, Program, Slot, Store, Straight, TableStore)}
 FIELDS = {name: kind._fields if issubclass(kind, tuple) else tuple(field.name for field in fields(kind)) for name, kind in PARTS.items()}
@@ -47,14 +44,14 @@ JSON_TYPES = (float, int, type(None))
 """What stands for an operation without arguments as JSON can say it."""
 
 
-_keys: dict[int, str | None] = {}
-"""{id of programs: what they are kept under}, as long as they are there."""
+_keys: dict[int, tuple[str | None, int]] = {}
+"""{id of programs: (what they are kept under, facts of their model at that time)}, as long as they are there."""
 
 
 def key(model: Model, emission: str) -> str | None:
     """What the sources of a model are kept under; None for a model that cannot be told from others."""
     model_digest = digest(model)
-    return model_digest and hashlib.sha256(f"{_generator()}\n{emission}\n{model_digest}".encode()).hexdigest()[:40]
+    return model_digest and hashlib.sha256(f"{generator_identity()}\n{emission}\n{model_digest}".encode()).hexdigest()[:40]
 
 
 def recall(model: Model, emission: str, key: str) -> Sources | None:
@@ -65,21 +62,22 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
     with undisturbed():
         programs, phi_q, mass, omitted, files = _restored(entry)
     equations = DeferredTerms(model)  # it derives what it lacks of them when asked
-    return Sources(
-        Programs(equations=equations, programs=programs, phi_q=phi_q, mass=mass, emission=emission, omitted=omitted), {"c": files}
-    )
+    recalled = Programs(equations=equations, programs=programs, phi_q=phi_q, mass=mass, emission=emission, omitted=omitted)
+    _note(recalled, key)
+    return Sources(recalled, {"c": files})
 
 
 def remember(key: str, sources: Sources) -> None:
     """Keep the sources of a model."""
     programs = sources.programs
+    _note(programs, key)
     keep(KIND, key, _plain((programs.programs, programs.phi_q, programs.mass, programs.omitted, sources.c)), MAX_ENTRY_BYTES)
 
 
-def derived(programs: Programs, description: str, make: Callable[[], Files]) -> Files:
-    """C files that are made for a mechanism in addition to its own, from the cache or made now.
+def derived(programs: Programs, description: str, make: Callable[[], Made]) -> Made:
+    """What is made for a mechanism in addition to its own files, such as other C files, from the cache or made now.
 
-    told: what they are, in words that tell them from others of the same mechanism
+    description: what it is, in words that tell them from others of the same mechanism
     """
     programs_key = _key_of(programs)
     with undisturbed():
@@ -102,22 +100,30 @@ def derived_tangents(programs: Programs, kind: str, make: Callable[[], TangentPr
 
 
 def _key_of(programs: Programs) -> str | None:
-    """What a mechanism is kept under; its model is described once for all that is asked for."""
-    number = id(programs)
-    if number not in _keys:
-        _keys[number] = key(programs.equations.model, programs.emission)
-        finalize(programs, _keys.pop, number, None)
-    return _keys[number]
+    """What a mechanism is kept under; its model is described once for all that is asked for, and again if it has grown."""
+    model = programs.equations.model
+    model_key, facts = _keys.get(id(programs), (None, -1))
+    if facts != len(model.facts):
+        model_key = key(model, programs.emission)
+        _note(programs, model_key)
+    return model_key
 
 
-def shared(description: str, make: Callable[[], Files]) -> Files:
-    """C files that are the same for all mechanisms, likewise; told: what they are, in words that tell them from others."""
-    named = hashlib.sha256(f"{_generator('solver', 'mechanism')}\n{description}".encode()).hexdigest()[:40]
-    files = kept(KIND, named)
-    if files is None:
-        files = make()
-        keep(KIND, named, files, MAX_ENTRY_BYTES)
-    return files
+def _note(programs: Programs, key: str | None) -> None:
+    """Let it be known what a mechanism is kept under."""
+    if id(programs) not in _keys:
+        finalize(programs, _keys.pop, id(programs), None)
+    _keys[id(programs)] = key, len(programs.equations.model.facts)
+
+
+def shared(description: str, make: Callable[[], Any]) -> Any:
+    """What is the same for all mechanisms, likewise."""
+    named = hashlib.sha256(f"{generator_identity('solver', 'mechanism')}\n{description}".encode()).hexdigest()[:40]
+    made = kept(KIND, named)
+    if made is None:
+        made = make()
+        keep(KIND, named, made, MAX_ENTRY_BYTES)
+    return made
 
 
 def _plain(value: Any) -> Json:
@@ -157,16 +163,3 @@ def _restored(data: Any) -> Any:
             return dict(_restored(parts))
         return PARTS[name](**dict(zip(FIELDS[name], map(_restored, parts), strict=True)))
     return data
-
-
-@cache
-def _generator(*more: str) -> str:
-    """All that makes code of a model: the generator's own files, what they rely on, and Python, whose sums and functions round.
-
-    more: further packages that have a part in it
-    """
-    made_with = hashlib.sha256()
-    for path in package_files(*(more or ("model", "symbolic", "program", "methods", "emit", "runtime", "templates"))):
-        made_with.update(f"{path.name}\n".encode() + hashlib.sha256(path.read_bytes()).digest())
-    others = [_generator()] if more else [platform.python_version(), *(f"{name} {version(name)}" for name in PACKAGES)]
-    return "\n".join([*others, made_with.hexdigest()])

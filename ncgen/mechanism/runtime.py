@@ -7,7 +7,7 @@ Emitted: the elimination as straight-line code for one mechanism and one choice,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -19,14 +19,15 @@ from ncgen.emit.naming import prefix_of
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.callbacks import Choices, ExternalForces
-from ncgen.mechanism.conditions_in_c import Conditions, Watched
-from ncgen.mechanism.driving import Driver, Function, InputPieces
+from ncgen.mechanism.conditions_in_c import Watched
+from ncgen.mechanism.driving import Driver
 from ncgen.mechanism.in_python import in_python, tangents_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.motion_sources import Written
 from ncgen.mechanism.properties import uses_tangents
+from ncgen.mechanism.run_arguments import NO_INPUTS, UNWATCHED_RUN, InitialState, Monitor, RunInputs
 from ncgen.mechanism.runtime_library import Recursion, interface_of, load_with_headers, model_in, part_for, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
@@ -147,35 +148,19 @@ class Dynamics:
         self,
         method: str,
         times: ArrayLike,
-        q: ArrayLike,
-        velocities: ArrayLike,
-        p: ArrayLike,
+        initial: InitialState,
         *,
-        max_step: float = np.inf,
-        conditions: Conditions | None = None,
-        newton: bool = False,
-        sizes: ArrayLike | None = None,
+        inputs: RunInputs = NO_INPUTS,
+        monitor: Monitor = UNWATCHED_RUN,
         movable: np.ndarray | None = None,
-        progress: Callable[[float], None] | None = None,
-        inputs: Sequence[InputPieces | Function | None] = (),
-        breaks: ArrayLike = (),
-        choose: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+        newton: bool = False,
         **options: InC,
     ) -> Outcome:
         """Run over the times (s) of a grid (first one is the start).
 
-        q (n,): where it starts (m, rad); p (n_p,): the parameters
-        velocities: independent ones (nz,) with coordinate partitioning, all of them (n,) with other formalisms, in m/s and rad/s
-        conditions: at the first of which to stop
-        newton: with tangents, also where a method can do without them
-        sizes: what atol is multiplied by, one a velocity, position and the work; None for 1
         movable: a mask over the times of rows that may have the end of the step around them, which saves the stages of an interpolant
-        progress: called now and then with the time that the run has reached. What it raises, or a handler of a signal such as
-            that of Ctrl-C, ends the run; `Outcome.completed` raises it again
-        inputs: one an input of the mechanism: a table, a function of time, or None; () where all keep their values in p
-        breaks (B, 2): of the laws in time, as `break_times` finds them, those of the inputs' tables among them
-        choose: the parameters that follow from a position and those there are, asked at the start of every step; None where none do
-        options: the other members of `ncgen_options`, by their names
+        newton: with tangents, also where a method can do without them
+        options: the other members of `ncgen_options`, by their names; sizes is an array, or None for 1
         """
         ffi, n, dtype, where = self._ffi, self.kernels.n, self.number.dtype, self.kernels.name
         real = partial(pointer, ffi, kind=self.number.array)
@@ -183,9 +168,8 @@ class Dynamics:
         times = np.ascontiguousarray(times, dtype=dtype)
         rows_and_last = len(times) + 1
         out_q, out_qd, out_work = (np.empty(shape, dtype) for shape in ((rows_and_last, n), (rows_and_last, n), rows_and_last))
-        longest = 0.0 if np.isinf(max_step) else max_step
-        filled = {"method": number_in_c(INTEGRATORS[method]), "rtol": 1e-8, "atol": 1e-10, "max_step": longest, **options}
-        settings = ffi.new("ncgen_options *", filled)
+        sizes = options.pop("sizes", None)
+        settings = ffi.new("ncgen_options *", {"method": number_in_c(INTEGRATORS[method]), "rtol": 1e-8, "atol": 1e-10, **options})
         if sizes is not None:
             sizes = laid(sizes, dtype, sum(self._state(options.get("formalism", PARTITIONED))) + 1, f"{where}: sizes")
             settings.sizes = real(sizes)
@@ -193,17 +177,17 @@ class Dynamics:
         if movable is not None:
             movable, row_times = np.ascontiguousarray(movable, dtype=np.intc), times.copy()
             settings.movable, settings.row_times = pointer(ffi, movable, "int[]", len(times), f"{where}: movable"), real(row_times)
-        listener = Listener(progress, self._eliminated)
+        listener = Listener(monitor.progress, self._eliminated)
         context = ffi.new_handle(listener)
         settings.progress, settings.context, settings.attempts_left = watch(self.number.name), context, listener.attempts
-        driver = Driver(inputs, self.number, breaks) if any(inputs) or np.size(breaks) else None
+        driver = Driver(inputs.signals, self.number, inputs.breaks) if any(inputs.signals) or np.size(inputs.breaks) else None
         if driver:
             signals = driver.signals(library.ncgen_piecewise_inputs)
             settings.signals = signals
-        called = [*self.called, *([Choices(self.kernels, choose)] if choose else [])]
-        if choose:
+        called = [*self.called, *([Choices(self.kernels, inputs.rule)] if inputs.rule else [])]
+        if inputs.rule:
             settings.parameter_rule = called[-1].function
-        watched = Watched(conditions, ffi, self.number) if conditions else None
+        watched = Watched(monitor.conditions, ffi, self.number) if monitor.conditions else None
         if watched:
             settings.event = watched.struct
         if newton or self._uses_tangents(method, options):
@@ -212,7 +196,7 @@ class Dynamics:
             self._dynamics.tangents = ffi.NULL
         work, integers = self._space(library, settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
-        start = self._start(p, q, velocities, options.get("formalism", PARTITIONED))
+        start = self._start(initial, options.get("formalism", PARTITIONED))
         pointers = [real(a) for a in (*start, times, out_q, out_qd, out_work, work)]
         for each in called:
             each.begin()
@@ -235,12 +219,12 @@ class Dynamics:
     ) -> np.ndarray:
         """How the accelerations change with velocities and positions: ∂z̈/∂[ż; z] (k, 2 k) with coordinate partitioning, where
         rolling conditions leave more positions than velocities ∂[z̈; ż]/∂[ż; z], ∂q̈/∂[q̇; q] (n, 2 n) with other formalisms.
-        Arguments as for `simulate`."""
+        q, velocities, p: as of `InitialState`; options: as for `simulate`."""
         ffi, library = self._ffi, runtime_of(self.number.name, "whole")
         self._take_tangents()
         settings = ffi.new("ncgen_options *", {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options})
         work, integers = self._space(library, settings)
-        inputs = self._start(p, q, velocities, number_in_c(FORMALISMS[formalism]))
+        inputs = self._start(InitialState(q, velocities, p), number_in_c(FORMALISMS[formalism]))
         count = len(inputs[2])
         out = np.empty(self._jacobian_shape(count) if formalism == "coordinate-partitioning" else (count, 2 * count), self.number.dtype)
         pointers = [pointer(ffi, a, self.number.array) for a in (*inputs, out, work)]
@@ -257,11 +241,11 @@ class Dynamics:
     _positions = 0
     """Independent coordinates of the positions, where they are others than those of the velocities."""
 
-    def _start(self, p: ArrayLike, q: ArrayLike, velocities: ArrayLike, formalism: int) -> list[np.ndarray]:
+    def _start(self, state: InitialState, formalism: int) -> list[np.ndarray]:
         """Parameters, position and velocities as C reads them."""
         kernels = self.kernels
-        counts = {"p": (p, len(kernels.p0)), "q": (q, kernels.n), "velocities": (velocities, self._state(formalism)[0])}
-        return [laid(values, self.number.dtype, count, f"{kernels.name}: {name}") for name, (values, count) in counts.items()]
+        counts = {"p": len(kernels.p0), "q": kernels.n, "velocities": self._state(formalism)[0]}
+        return [laid(getattr(state, name), self.number.dtype, count, f"{kernels.name}: {name}") for name, count in counts.items()]
 
     @property
     def _eliminated(self) -> int:

@@ -75,6 +75,7 @@ HEADERS_OF_FUNCTIONS = (
     "ncgen_chain.h",
     "ncgen_active.h",
     "ncgen_rates.h",
+    "ncgen_sliding.h",
 )
 """What declares the functions that Python calls."""
 

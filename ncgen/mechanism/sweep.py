@@ -19,7 +19,7 @@ from ncgen.toolchain.once import once
 DUAL_STEP = 2.0**-332
 """What changes are multiplied by in dual numbers: what is of second order in it vanishes, and nothing of first order does."""
 
-IN_DUAL_NUMBERS = ("ncgen_adjoint.c", "ncgen_space.c", "ncgen_vectors.h")
+IN_DUAL_NUMBERS = ("ncgen_adjoint.c", "ncgen_space.c", "ncgen_space.h", "ncgen_vectors.h")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

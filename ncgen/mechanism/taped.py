@@ -12,13 +12,13 @@ import numpy as np
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime_files import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.arguments import pointer
-from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.mechanism.driving import Function, InputPieces, signal_values
 from ncgen.mechanism.kernel_batch import aligned, in_lanes
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.moving_breaks import Jump, Jumping
+from ncgen.mechanism.run_arguments import NO_INPUTS, InitialState, RunInputs
 from ncgen.mechanism.runtime import Outcome
 from ncgen.mechanism.sweep import DUAL_STEP, Numbers, Sizes, Sweep, dual_numbers
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Integrator, number_in_c
@@ -28,7 +28,7 @@ from ncgen.toolchain.once import once
 STEPS_PER_INTERVAL = 4
 """Steps with error control from one time of a grid to the next for which there is room at first."""
 
-SWEEP = ("ncgen_directions.h", "ncgen_directions.c", "ncgen_vectors.h")
+SWEEP = ("ncgen_directions.h", "ncgen_directions.c", "ncgen_space.h", "ncgen_vectors.h")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +53,14 @@ SEGMENT = 2**28
 
 
 def taped(
-    dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray,
-    tolerances: Mapping[str, InC] | None = None, **options: InC,
+    dynamics: ConstrainedDynamics, method: str, times: np.ndarray, initial: InitialState, tolerances: Mapping[str, InC] | None = None,
+    **options: InC,
 ) -> Taped | Segmented:  # fmt: skip
     """A run that leaves a tape, or where that would be too long segments of one; arguments as of `Taped`."""
-    steps = SEGMENT // (8 * step_size(method, len(q)))
+    steps = SEGMENT // (8 * step_size(method, dynamics.kernels.n))
     if tolerances is None and len(times) > steps + 1:
-        return Segmented(dynamics, method, times, q, qd, p, max(steps, 1), **options)
-    return Taped(dynamics, method, times, q, qd, p, tolerances, **options)
+        return Segmented(dynamics, method, times, initial, max(steps, 1), **options)
+    return Taped(dynamics, method, times, initial, tolerances, **options)
 
 
 def step_size(method: str, n: int) -> int:
@@ -72,32 +72,31 @@ class Taped:
     """A run over the times of a grid, (K,) s, by an emitted motion and an explicit method: one step from each to the next, or as many as
     tolerances take. Their lengths count as given, whatever changes.
 
-    q, qd (n,), p (n_p,): where it starts, and the parameters; tolerances: members of `ncgen_options`, as are the other options
+    initial: with all velocities, (n,); tolerances: members of `ncgen_options`, as are the other options
     outcome: as of `Dynamics.simulate`; the derivatives are there where that is "ok" and nothing is `not_differentiable`
     """
 
     def __init__(
-        self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray,
-        tolerances: Mapping[str, InC] | None = None, inputs: Sequence[InputPieces | Function | None] = (), breaks: np.ndarray = NO_BREAKS,
-        jumps: Jumping | None = None, **options: InC,
+        self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, initial: InitialState,
+        tolerances: Mapping[str, InC] | None = None, inputs: RunInputs = NO_INPUTS, jumps: Jumping | None = None, **options: InC,
     ) -> None:  # fmt: skip
         self._jumping = jumps
         self._dynamics, self._kernels = dynamics, dynamics.kernels
         self._ffi, self._library = dynamics.adjoint_interface
-        self._p, self._parameters = dynamics.with_prepared(p), len(p)
+        self._p, self._parameters = dynamics.with_prepared(np.asarray(initial.p)), np.size(initial.p)
         options |= {"formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1}
         options |= tolerances if tolerances else {"rtol": 0.0, "atol": 0.0, "max_step": ANY_STEP}
-        ends = np.union1d(breaks, times if tolerances else ())
-        steps = (len(times) - 1) * (STEPS_PER_INTERVAL if tolerances else 1) + breaks.size
+        ends = replace(inputs, breaks=np.union1d(inputs.breaks, times if tolerances else ()))
+        steps = (len(times) - 1) * (STEPS_PER_INTERVAL if tolerances else 1) + np.size(inputs.breaks)
         while True:
             self._take_room(method, steps)
-            self.outcome: Outcome = dynamics.simulate(method, times, q, qd, p, tape=self._tape, breaks=ends, inputs=inputs, **options)
+            self.outcome: Outcome = dynamics.simulate(method, times, initial, tape=self._tape, inputs=ends, **options)
             if self.outcome.status != "full" or 2 * self._states.nbytes > MAX_TAPE_BYTES:
                 break
             steps *= 2
         self._times = self._times[: self._tape.steps + 1]
         self._seen = np.searchsorted(self._times, times)
-        self.driven = self._stages(INTEGRATORS[method], inputs)
+        self.driven = self._stages(INTEGRATORS[method], inputs.signals)
         self._sizes = replace(self._sizes, n_inputs=self.driven.values.shape[2])
 
     def _stages(self, method: Integrator, signals: Sequence[InputPieces | Function | None]) -> Driven:
@@ -253,22 +252,22 @@ class Segmented:
     """
 
     def __init__(
-        self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray, steps: int,
-        **options: InC,
-    ) -> None:  # fmt: skip
+        self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, initial: InitialState, steps: int, **options: InC
+    ) -> None:
         """steps: of a segment"""
-        self._run = partial(Taped, dynamics, method, p=p, **options)
+        self._run, self._initial = partial(Taped, dynamics, method, **options), initial
         self._times, self._bounds = times, [*range(0, len(times) - 1, steps), len(times) - 1]
         self.not_differentiable: float | None = None
         parts: list[Outcome] = []
         for begin, end in pairwise(self._bounds):
-            segment = self._run(times=times[begin : end + 1], q=q, qd=qd)
+            segment = self._run(times=times[begin : end + 1], initial=initial)
             parts.append(segment.outcome)
             if self.not_differentiable is None:
                 self.not_differentiable = segment.not_differentiable
             if segment.outcome.status != "ok":
                 break
             q, qd, _ = segment.outcome.last
+            initial = replace(initial, q=q, velocities=qd)
         rows = {name: np.concatenate([getattr(segment, name)[k > 0 :] for k, segment in enumerate(parts)]) for name in ("q", "qd", "work")}
         self.outcome = replace(parts[-1], **rows)
 
@@ -297,7 +296,8 @@ class Segmented:
             yield rows, self._segment(rows)
 
     def _segment(self, rows: slice) -> Taped:
-        return self._run(times=self._times[rows], q=self.outcome.q[rows.start], qd=self.outcome.qd[rows.start])
+        begun = replace(self._initial, q=self.outcome.q[rows.start], velocities=self.outcome.qd[rows.start])
+        return self._run(times=self._times[rows], initial=begun)
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Driven]:
         """As of `Taped`."""

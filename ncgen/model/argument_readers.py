@@ -7,8 +7,8 @@ name, the argument, and what was given.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping, Set
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -35,7 +35,27 @@ UNNAMED_ARGUMENTS = ("position", "direction", "field")
 """Arguments that go without saying in messages: their axes are named."""
 
 
-def read(model: Contents, word: str, bound: inspect.BoundArguments) -> None:
+class ArgumentReading(NamedTuple):
+    """How an argument of a method is read; is_optional: it may be None; are_many: it stands for any number of them."""
+
+    key: str
+    reader: Reader[object]
+    is_optional: bool
+    are_many: bool
+
+
+def readings_of(signature: inspect.Signature) -> tuple[ArgumentReading, ...]:
+    """How the arguments of a method are read that are brought to what their annotations say."""
+    annotated = [(parameter, parameter.annotation) for parameter in signature.parameters.values() if isinstance(parameter.annotation, str)]
+    kinds = [(parameter, kind, kind.removesuffix(" | None")) for parameter, kind in annotated if parameter.name != "name"]
+    return tuple(
+        ArgumentReading(parameter.name, READERS[kind], kind != whole, parameter.kind is parameter.VAR_POSITIONAL)
+        for parameter, whole, kind in kinds
+        if kind in READERS
+    )
+
+
+def read(model: Contents, word: str, bound: inspect.BoundArguments, readings: Sequence[ArgumentReading]) -> None:
     """Bring the arguments of a call to what the method's annotations say. Raises ModelError naming method, thing and argument.
 
     A new name is checked, and kept in its normal form.
@@ -45,17 +65,13 @@ def read(model: Contents, word: str, bound: inspect.BoundArguments) -> None:
         check_name(name, word)
     subject = [bound.arguments["name"]] if "name" in bound.arguments else []
     label = bound.arguments.get("label")
-    for key, parameter in bound.signature.parameters.items():
-        if key not in bound.arguments or key == "name" or not isinstance(parameter.annotation, str):
+    for key, reader, is_optional, are_many in readings:
+        if key not in bound.arguments or (is_optional and bound.arguments[key] is None):
             continue
-        kind = parameter.annotation.removesuffix(" | None")
-        reader, argument = READERS.get(kind), bound.arguments[key]
-        if reader is None or (argument is None and kind != parameter.annotation):
-            continue
+        argument = bound.arguments[key]
         where = label if isinstance(label, str) and label else " ".join([word, "-".join(subject)]).strip()
         address = where if key in UNNAMED_ARGUMENTS else f"{where}, {key}"
-        many = parameter.kind is parameter.VAR_POSITIONAL
-        result = tuple(reader(model, each, address) for each in bound.arguments[key]) if many else reader(model, argument, address)
+        result = tuple(reader(model, each, address) for each in argument) if are_many else reader(model, argument, address)
         if "name" not in bound.arguments and isinstance(result, (Spatial, Relative, Component, Body)):
             subject.append(result.name)
         bound.arguments[key] = result

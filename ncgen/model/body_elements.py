@@ -93,24 +93,9 @@ class BodyElements(OwnConstraints):
         self.extend(body, vector)
         return vector
 
-    def directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
-        """Return two directions of a body that are perpendicular to an axis and to each other in the initial position.
-
-        They are combinations of the body's base where that has three directions that are numbers, otherwise vectors of the body: those that
-        it has, or new ones.
-
-        Parameters
-        ----------
-        body : Body
-            The body.
-        axis : Combination
-            The axis.
-
-        Returns
-        -------
-        tuple of Combination
-            The two directions.
-        """
+    def _directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
+        """Two directions of a body that are perpendicular to an axis and to each other in the initial position: combinations of its base
+        where that has three directions that are numbers, otherwise vectors of the body, those that it has or new ones."""
         e = arithmetic.unit(axis.initial)
         helper = np.eye(3)[np.argmin(np.abs(e))]
         if axis.is_parametric:
@@ -118,8 +103,8 @@ class BodyElements(OwnConstraints):
             first = measures.unit(measures.cross(e, helper))
             second = measures.cross(e, first)
         else:
-            first = arithmetic.unit(np.cross(e, helper))
-            second = np.cross(e, first)
+            first = arithmetic.unit(arithmetic.cross(e, helper))
+            second = arithmetic.cross(e, first)
         return self.direction_of(body, first, "across1"), self.direction_of(body, second, "across2")
 
     def direction_of(self, body: Body, direction: Scalars, wish: str) -> Combination:
@@ -143,7 +128,7 @@ class BodyElements(OwnConstraints):
         if body is self.ground:
             return as_combination(Constant.of(wish, direction, numbers))
         if body.frame.planar and abs(numbers[2]) < 1e-12:
-            return as_combination(self.attach_vector_in_plane(body, direction, wish))
+            return as_combination(self._vector_in_plane(body, direction, wish))
         if len(body.frame.directions) < 3 or body.frame.is_parametric or not all(map(is_number, direction)):
             same = next((v for v in body.vectors if v.given == tuple(direction)), None)
             return as_combination(same or self.attach_vector(body, self.free_name(f"{body.name}.{wish}"), direction))
@@ -151,23 +136,8 @@ class BodyElements(OwnConstraints):
         parts = [other * weight for weight, other in zip(weights, body.frame.directions, strict=True) if abs(weight) > 1e-14]
         return sum(parts[1:], parts[0])
 
-    def attach_vector_in_plane(self, body: Body, direction: Scalars, wish: str) -> Vector:
-        """Add a new unit vector of the plane to a body.
-
-        Parameters
-        ----------
-        body : Body
-            The body.
-        direction : sequence of float or expression of parameters, shape (3,)
-            Initial direction, of which z is left out.
-        wish : str
-            How it is called, if that name is free.
-
-        Returns
-        -------
-        Vector
-            The vector.
-        """
+    def _vector_in_plane(self, body: Body, direction: Scalars, wish: str) -> Vector:
+        """A new unit vector of the plane, of a body; wish: how it is called, if that name is free."""
         vector = self.vector(self.free_name(f"{body.name}.{wish}"), (direction[0], direction[1], 0.0), fixed="z")
         self.extend(body, vector)
         return vector
@@ -185,7 +155,7 @@ class BodyElements(OwnConstraints):
         for number in range(frame.resting or 0, min(len(frame.directions), 2)):
             direction = frame.directions[number]
             if number == 0:
-                across = self.directions_across(self.ground, direction)
+                across = self._directions_across(self.ground, direction)
             else:
                 normal = measures.cross(frame.directions[0].given, direction.given)
                 across = [as_combination(Constant.of("across", measures.unit(normal), self._numbers(measures.unit(normal))))]
@@ -201,6 +171,6 @@ class BodyElements(OwnConstraints):
             direction = measures.cross(*body.frame.given)
             size = measures.norm(direction)
         else:
-            direction = np.cross(*body.frame.matrix().T)
+            direction = arithmetic.cross(*body.frame.matrix().T)
             size = arithmetic.norm(direction)
         self.attach_vector(body, f"{body.name}.aux", tuple(x / size for x in direction))

@@ -146,7 +146,7 @@ class Contacts(Frictions):
                 f"{where}: one surface is needed at {at.name}; give normal (plane), around (sphere), axis and around (cylinder), or curve "
                 "and start"
             )
-        self._check_sizes(where, radius, edge, axis, around, inside)
+        self._check_sizes(where, radius, edge, around, inside)
         self._check_bearers(where, body, point, on, at)
         tip = Tip(body, point, radius, edge)
         surface = ContactSurface(
@@ -220,9 +220,7 @@ class Contacts(Frictions):
 
     # -- helpers -------------------------------------------------------------------------------
 
-    def _check_sizes(
-        self, where: str, radius: Value, edge: Direction | None, axis: Direction | None, around: Value | None, inside: bool
-    ) -> None:
+    def _check_sizes(self, where: str, radius: Value, edge: Direction | None, around: Value | None, inside: bool) -> None:
         self._require(
             Bound(
                 wording=f"{where}: radius is", value=radius, relation=">=" if edge is None else ">", unit="m", remedy="give a positive one"

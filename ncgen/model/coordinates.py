@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from ncgen.model.quantities import Quantities
 from ncgen.model.rows import SIX_DIGITS, Row
 from ncgen.model.value_conditions import UNIT_LENGTH
 from ncgen.model.values import Parameter, Value, Values, is_number, mentioned, vanishes
-
-if TYPE_CHECKING:
-    pass
 
 S = TypeVar("S", Point, Vector)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Concatenate, ParamSpec, TypeVar
 
 from ncgen.errors import ModelError
-from ncgen.model.argument_readers import read
+from ncgen.model.argument_readers import read, readings_of
 from ncgen.model.bodies import Body
 from ncgen.model.contents import Contents
 from ncgen.model.curves import check_curves
@@ -37,6 +37,7 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
     To type checkers the method stays what it is: its annotations say what a user may pass, and what it finds is one of these.
     """
     signature = inspect.signature(method)
+    readings = readings_of(signature)
     called: Callable[..., R] = method
 
     @functools.wraps(method)
@@ -46,7 +47,7 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
             bound = signature.bind(self, *map(_read_once, args), **named)
         except TypeError as error:
             raise ModelError(f"{method.__name__}: {error}; it takes {', '.join(list(signature.parameters)[1:])}") from None
-        read(self, method.__name__, bound)
+        read(self, method.__name__, bound, readings)
         check_curves(self, method.__name__, bound.arguments)
         before = None if self._is_recording else _State(self, bound.arguments.values())
         self._is_recording = True

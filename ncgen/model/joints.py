@@ -303,14 +303,14 @@ class Joints(Structure):
     def _on_line(self, a: Body, point: Point, start: Point, axis: Vector, owner: Owner) -> None:
         segment = as_combination(point) - start
         size = measures.natural_length(segment, self.extent())
-        for across in self.directions_across(a, as_combination(axis)):
+        for across in self._directions_across(a, as_combination(axis)):
             new = row.dot(segment, across, 0.0, size, owner, f"{point.name} on {axis.name}", self.scale)
             if not row.is_trivial(new):
                 self._keep(new)
 
     def _transverse(self, a: Body, b: Body, axis: Vector) -> tuple[Combination, Combination]:
         """A direction of a and one of b, perpendicular to the axis and to each other in the initial position."""
-        first, _ = self.directions_across(a, as_combination(axis))
+        first, _ = self._directions_across(a, as_combination(axis))
         parametric = axis.is_parametric or first.is_parametric
         across = measures.cross(axis.given, first.given) if parametric else np.cross(axis.initial, first.initial)
         second = self.direction_of(b, across, "across")

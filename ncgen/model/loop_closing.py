@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from ncgen.model.elements import AXES, Point
 from ncgen.model.joints import Joints
 from ncgen.model.rows import Owner
 from ncgen.model.values import Scalar, as_sympy
-
-if TYPE_CHECKING:
-    pass
 
 CLOSINGS = ("weld", "hinge", "ball", "point")
 """How two frames can meet."""

@@ -75,7 +75,7 @@ def angle(start: Combination, end: Combination, axis: Combination) -> Scalar:
 def angle_of(a: np.ndarray, b: np.ndarray, n: np.ndarray) -> float:
     """The same of vectors of numbers, n of length 1."""
     dot = arithmetic.dot
-    return math.atan2(dot(np.cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n))
+    return math.atan2(dot(arithmetic.cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n))
 
 
 def weights(base: Sequence[Scalars], target: Scalars) -> list[Scalar]:

@@ -7,9 +7,7 @@ from dataclasses import replace
 from ncgen.errors import ModelError
 from ncgen.model import measures
 from ncgen.model import rows as row
-from ncgen.model.bodies import (
-    Body,
-)
+from ncgen.model.bodies import Body
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Component, Direction, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact

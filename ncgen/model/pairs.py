@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ncgen.model.arithmetic import cross
 from ncgen.model.bodies import Body
 from ncgen.model.contents import Contents
 from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
@@ -122,7 +123,7 @@ def _independent(directions: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Up to two of them that are not parallel."""
     independent: list[np.ndarray] = []
     for direction in directions:
-        if len(independent) < 2 and all(float(np.linalg.norm(np.cross(direction, other))) > PARALLEL for other in independent):
+        if len(independent) < 2 and all(float(np.linalg.norm(cross(direction, other))) > PARALLEL for other in independent):
             independent.append(direction)
     return independent
 
@@ -147,7 +148,7 @@ def own_directions(body: Body, elements: Iterable[Spatial]) -> list[Combination]
 def _is_new(direction: Combination, directions: Collection[Combination]) -> bool:
     length = float(np.linalg.norm(direction.initial))
     return length > 0 and all(
-        float(np.linalg.norm(np.cross(direction.initial, o.initial))) > PARALLEL * length * float(np.linalg.norm(o.initial))
+        float(np.linalg.norm(cross(direction.initial, o.initial))) > PARALLEL * length * float(np.linalg.norm(o.initial))
         for o in directions
     )
 

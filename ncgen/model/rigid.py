@@ -66,7 +66,7 @@ class Frame:
         """Base directions in the initial position as columns, (3, 0 … 3), the crossed one included."""
         columns = [d.initial for d in self.directions]
         if self.is_crossed:
-            columns.append(np.cross(columns[0], columns[1]))
+            columns.append(arithmetic.cross(columns[0], columns[1]))
         return np.array(columns).reshape(-1, 3).T
 
     @property
@@ -220,7 +220,7 @@ def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Paramet
 def _weights(frame: Frame, direction: Combination, size: float) -> list[float]:
     base = frame.matrix().T
     if len(base) == 2:
-        base = np.vstack([base, np.cross(*base)])
+        base = np.vstack([base, arithmetic.cross(*base)])
     weights = arithmetic.weights(base, direction.initial)
     return [0.0 if abs(w) * arithmetic.norm(d) < WEIGHT_ROUNDING * size else w for w, d in zip(weights, base, strict=True)]
 

@@ -110,65 +110,37 @@ def _short(value: Combination | Value | Component) -> str:
     return f"{value:.6g}" if is_number(value) else text_of(value) if is_symbolic(value) else str(value)
 
 
+def _typed(
+    key: str, owner: Owner, label: str, arguments: Mapping[str, Combination | Component], data: Mapping[str, Value], scaled: bool
+) -> Row:
+    """A row of a type of the catalogue, with the paper's code where it has one."""
+    return Row(owner=owner, label=label, code=PAPER_CODES.get(key), type=ROW_TYPES[key], arguments=arguments, data=data, scaled=scaled)
+
+
 def distance(start: Point, end: Point, length: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1000: |end − start| = length (m). `numeric` is the length's number."""
-    label = f"distance {start.name}-{end.name}"
-    new = Row(
-        owner=owner,
-        label=label,
-        code=PAPER_CODES["distance"],
-        type=ROW_TYPES["distance"],
-        arguments={"a": start - end},
-        data={"L": length},
-        scaled=scaled,
-    )
+    new = _typed("distance", owner, f"distance {start.name}-{end.name}", {"a": start - end}, {"L": length}, scaled)
     _length_condition(new).check([numeric])
     return new
 
 
 def unit(vector: Spatial, owner: Owner, scaled: bool) -> Row:
     """Row 1001: |u| = 1."""
-    return Row(
-        owner=owner,
-        label=f"unit {vector.name}",
-        code=PAPER_CODES["unit"],
-        type=ROW_TYPES["unit"],
-        arguments={"u": as_combination(vector)},
-        scaled=scaled,
-    )
+    return _typed("unit", owner, f"unit {vector.name}", {"u": as_combination(vector)}, {}, scaled)
 
 
 def vector_segment(vector: Spatial, segment: Combination, length: Value, cosine: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1002: u·segment = length·cosine; refused where the two are parallel. `numeric` is the cosine's number."""
-    data = {"L": length, "c": cosine}
     arguments = {"u": as_combination(vector), "a": segment}
-    label = f"angle {vector.name}, {segment}"
-    new = Row(
-        owner=owner,
-        label=label,
-        code=PAPER_CODES["vector-segment"],
-        type=ROW_TYPES["vector-segment"],
-        arguments=arguments,
-        data=data,
-        scaled=scaled,
-    )
+    new = _typed("vector-segment", owner, f"angle {vector.name}, {segment}", arguments, {"L": length, "c": cosine}, scaled)
     _cosine_condition(new).check([numeric])
     return new
 
 
 def vector_vector(u: Spatial, v: Spatial, cosine: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1003: u·v = cosine; refused where the two are parallel. `numeric` is the cosine's number."""
-    label = f"angle {u.name}, {v.name}"
     arguments = {"u": as_combination(u), "v": as_combination(v)}
-    new = Row(
-        owner=owner,
-        label=label,
-        code=PAPER_CODES["vector-vector"],
-        type=ROW_TYPES["vector-vector"],
-        arguments=arguments,
-        data={"c": cosine},
-        scaled=scaled,
-    )
+    new = _typed("vector-vector", owner, f"angle {u.name}, {v.name}", arguments, {"c": cosine}, scaled)
     _cosine_condition(new).check([numeric])
     return new
 
@@ -196,60 +168,31 @@ def _cosine_condition(row: Row) -> Cosine:
 
 def dot(a: Combination, b: Combination, value: Value, size: float, owner: Owner, label: str, scaled: bool) -> Row:
     """a·b = value, divided by `size`, the natural size of the product."""
-    return Row(
-        owner=owner, label=label, code=None, type=ROW_TYPES["dot"], arguments={"a": a, "b": b}, data={"c": value, "L": size}, scaled=scaled
-    )
+    return _typed("dot", owner, label, {"a": a, "b": b}, {"c": value, "L": size}, scaled)
 
 
 def affine(e: Combination, a: Combination, b: Combination, cross_weight: Value, size: float, owner: Owner, label: str) -> list[Row]:
     """The components of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps."""
-    return [
-        Row(
-            owner=owner,
-            label=f"{label}.{axis}",
-            code=None,
-            type=ROW_TYPES[f"affine-{axis}"],
-            arguments={"e": e, "a": a, "b": b},
-            data={"c": cross_weight, "L": size},
-        )
-        for axis in AXES
-    ]
+    arguments, data = {"e": e, "a": a, "b": b}, {"c": cross_weight, "L": size}
+    return [_typed(f"affine-{axis}", owner, f"{label}.{axis}", arguments, data, True) for axis in AXES]
 
 
 def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
     """|segment| = s."""
     arguments = {"a": segment, "s": s.components[0]}
-    return Row(
-        owner=_coordinate(s),
-        label=f"length {s.name}",
-        code=None,
-        type=ROW_TYPES["length"],
-        arguments=arguments,
-        data={"L": measures.length(segment)},
-        scaled=scaled,
-    )
+    return _typed("length", _coordinate(s), f"length {s.name}", arguments, {"L": measures.length(segment)}, scaled)
 
 
 def slide_row(s: Relative, segment: Combination, axis: Combination, extent: float, scaled: bool) -> Row:
     """segment·axis = s; extent: of the model (m)."""
     arguments = {"a": segment, "n": axis, "s": s.components[0]}
-    size = measures.natural_length(segment, extent)
-    return Row(
-        owner=_coordinate(s),
-        label=f"slide {s.name}",
-        code=None,
-        type=ROW_TYPES["slide"],
-        arguments=arguments,
-        data={"L": size},
-        scaled=scaled,
-    )
+    return _typed("slide", _coordinate(s), f"slide {s.name}", arguments, {"L": measures.natural_length(segment, extent)}, scaled)
 
 
 def follow(coordinate: Relative, other: Relative, ratio: Value, offset: Value, owner: Owner) -> Row:
     """coordinate = ratio other + offset."""
     arguments = {"s": coordinate.components[0], "z": other.components[0]}
-    label = f"{coordinate.name} follows {other.name}"
-    return Row(owner=owner, label=label, type=ROW_TYPES["follow"], arguments=arguments, data={"k": ratio, "c": offset}, scaled=False)
+    return _typed("follow", owner, f"{coordinate.name} follows {other.name}", arguments, {"k": ratio, "c": offset}, False)
 
 
 def _coordinate(s: Relative) -> Owner:

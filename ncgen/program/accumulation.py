@@ -57,12 +57,9 @@ def combine(array: str, base: list[float], loops: Sequence[Loop], lines: Sequenc
 
 def _with_constants(block: Straight, array: str, values: dict[int, float]) -> Straight:
     """The block with stores of plain numbers among its own, by position."""
-    graph = Graph()
-    nodes = passes.unroll(graph, block, 0)
-    names = {nodes[k]: name for k, name in block.names.items()}
-    stores = [replace(s, node=nodes[s.node]) for s in block.stores]
-    stores += [Store(array=array, index=i, node=graph.const(value)) for i, value in values.items()]
-    return replace(block, ops=tuple(graph.ops), stores=tuple(sorted(stores, key=lambda s: s.index)), names=names)
+    graph = Graph.of(block.ops)
+    stores = [*block.stores, *(Store(array=array, index=i, node=graph.const(value)) for i, value in values.items())]
+    return replace(block, ops=tuple(graph.ops), stores=tuple(sorted(stores, key=lambda s: s.index)))
 
 
 def _base_block(array: str, base: list[float]) -> Loop:

@@ -22,7 +22,7 @@ from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.position import residual
 from ncgen.solver.positions.rank import freedom
-from ncgen.view.curves_of_motion import curves_of_motion
+from ncgen.view.curve_pictures import curves_of_motion
 from ncgen.view.scene import scene_of
 from ncgen.view.sketch import sketch
 from ncgen.view.spots import spots

@@ -20,6 +20,9 @@ processor may take to change its own clock where wide vectors begin."""
 
 ROUNDS = 41
 
+NOISE_MARK = 0.3
+"""Distance of the quartiles, relative to the median, from which a time is marked."""
+
 
 @dataclass(frozen=True)
 class Spread:
@@ -33,6 +36,11 @@ class Spread:
     def seconds(self, calls: int = 1) -> dict[str, float]:
         """Of a record: median and quartiles of one of so many things that a call does."""
         return {"seconds": self.median / calls, "low": self.low / calls, "high": self.high / calls}
+
+
+def is_noisy(low: float, median: float, high: float) -> bool:
+    """Whether the quartiles of a time (s) are far apart."""
+    return high - low > NOISE_MARK * median
 
 
 def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS, *, sample_seconds: float | None = None) -> dict[Name, Spread]:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
+from typing import TypeAlias
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from ncgen.emit.environment import render
+
+Rows: TypeAlias = Sequence[tuple[str, ...]]
+"""Cells, titles first."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +25,16 @@ class Section:
     text: str = ""
     rows: tuple[tuple[str, ...], ...] = ()
     plot: Figure | None = None
+
+
+def aligned(rows: Rows) -> list[str]:
+    """Rows of text as lines: the first column to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *others in rows:
+        cells = [first.ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(others, widths[1:], strict=True))]
+        lines.append(f"  {'  '.join(cells)}".rstrip())
+    return lines
 
 
 def page(title: str, sections: list[Section], machine: dict[str, str]) -> str:

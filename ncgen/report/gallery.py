@@ -42,9 +42,4 @@ def _degrees_of_freedom(model: Model) -> dict:
     from ncgen.solver.positions.rank import freedom
 
     freedoms = freedom(compile(model, backend="numpy"))
-    return {
-        "coordinates": len(model.components),
-        "constraints": len(model.rows),
-        "dof": freedoms.dof,
-        "redundant": len(freedoms.redundant),
-    }
+    return {"coordinates": len(model.components), "constraints": len(model.rows), "dof": freedoms.dof, "redundant": len(freedoms.redundant)}

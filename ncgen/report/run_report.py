@@ -8,7 +8,7 @@ from ncgen.emit.sources import Sources
 from ncgen.files import write_text
 from ncgen.solver.positions.rank import Freedom
 from ncgen.solver.trajectories.trajectory import Trajectory
-from ncgen.view.curves_of_motion import curves_of_motion
+from ncgen.view.curve_pictures import curves_of_motion
 from ncgen.view.scene import scene_of
 from ncgen.view.sketch import sketch
 

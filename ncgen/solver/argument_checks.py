@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError, NcgenError, counted, shown, written
-from ncgen.mechanism.arguments import numbers
+from ncgen.mechanism.arguments import has_masked, numbers
 from ncgen.methods.table import is_real
 from ncgen.model import Model
 from ncgen.solver.name_lists import listed_names, offer
@@ -248,7 +248,7 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, argument: ArrayOrName
 def real_numbers(argument: Any, label: str) -> np.ndarray | None:
     """Real numbers as an array of one's own; None for anything else, texts that look like numbers included. Raises ModelError for masked
     ones, which look like others."""
-    if isinstance(argument, np.ma.MaskedArray) and np.ma.is_masked(argument):
+    if has_masked(argument):
         raise ModelError(f"{label} has masked numbers; fill them")
     try:
         return np.array(numbers(argument, label))

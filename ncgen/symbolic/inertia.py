@@ -190,12 +190,7 @@ def _point_mass(
 
 
 def _bar(
-    body: Body,
-    inertia: Inertia,
-    axis: Sequence[Exact],
-    offset: Sequence[Exact],
-    forms: Sequence[Form],
-    parameters: dict[str, Parameter],
+    body: Body, inertia: Inertia, axis: Sequence[Exact], offset: Sequence[Exact], forms: Sequence[Form], parameters: dict[str, Parameter]
 ) -> StandardInertia:
     """Two elements in space: the rotational inertia across their line counts, spin about it cannot be described."""
     squared = dot(axis, axis)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from ncgen.errors import ModelError
 from ncgen.model import Model
@@ -16,10 +16,6 @@ from ncgen.model.rows import Owner
 from ncgen.model.values import Scalar, Value, as_sympy, is_number
 from ncgen.symbolic import mass_templates
 from ncgen.symbolic.inertia import Exact, StandardInertia, centre_weights, standard_inertia
-
-if TYPE_CHECKING:
-    pass
-
 from ncgen.symbolic.term import LinearForm, Term
 
 Amount: TypeAlias = "Exact | float"

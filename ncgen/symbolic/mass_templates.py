@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache, partial
 from typing import TYPE_CHECKING, cast
 
@@ -22,6 +23,11 @@ def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, extra: Outputs | Non
     return outputs
 
 
+def _template(key: str, equation: str, scalars: tuple[str, ...], data: tuple[str, ...], outputs: Callable[[], Outputs]) -> Template:
+    """A template of the catalogue; outputs: a function of a module, which can be pickled, for when they are asked for."""
+    return Template(key=key, equation=equation, scalars=scalars, data=data, outputs=DeferredOutputs(outputs), is_catalogued=True)
+
+
 def _derived_mass_diagonal() -> Outputs:
     (v,), (m,) = rates(["x"]), symbols(["m"])
     return _inertia(("x",), m * v**2 / 2)
@@ -30,14 +36,7 @@ def _derived_mass_diagonal() -> Outputs:
 @cache
 def mass_diagonal() -> Template:
     """A constant entry on the diagonal of M."""
-    return Template(
-        key="mass-diagonal",
-        equation="m v^2 / 2",
-        scalars=("x",),
-        data=("m",),
-        outputs=DeferredOutputs(_derived_mass_diagonal),
-        is_catalogued=True,
-    )
+    return _template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), _derived_mass_diagonal)
 
 
 def _derived_mass_pair() -> Outputs:
@@ -48,9 +47,7 @@ def _derived_mass_pair() -> Outputs:
 @cache
 def mass_pair() -> Template:
     """A pair of equal constant entries off the diagonal of M."""
-    return Template(
-        key="mass-pair", equation="m v w", scalars=("x", "y"), data=("m",), outputs=DeferredOutputs(_derived_mass_pair), is_catalogued=True
-    )
+    return _template("mass-pair", "m v w", ("x", "y"), ("m",), _derived_mass_pair)
 
 
 def _derived_weight() -> Outputs:
@@ -61,9 +58,7 @@ def _derived_weight() -> Outputs:
 @cache
 def weight() -> Template:
     """A constant force along one coordinate, such as gravity: V = −f x."""
-    return Template(
-        key="weight", equation="-f x", scalars=("x",), data=("f",), outputs=DeferredOutputs(_derived_weight), is_catalogued=True
-    )
+    return _template("weight", "-f x", ("x",), ("f",), _derived_weight)
 
 
 def _derived_energy_offset() -> Outputs:
@@ -74,9 +69,7 @@ def _derived_energy_offset() -> Outputs:
 @cache
 def energy_offset() -> Template:
     """The potential energy of what is fixed."""
-    return Template(
-        key="energy-offset", equation="V", scalars=(), data=("V",), outputs=DeferredOutputs(_derived_energy_offset), is_catalogued=True
-    )
+    return _template("energy-offset", "V", (), ("V",), _derived_energy_offset)
 
 
 @cache
@@ -88,10 +81,7 @@ def cross_product_body() -> Template:
     Q_in = −(m a₃ κ, z₁₃ κ, z₂₃ κ) − (∂ẇ/∂(ȧ, u̇))ᵀ z₃₃ κ, and gravity pulls at w with the weight g.
     """
     names, data = vector("r") + vector("a") + vector("u"), ("mr", "ma", "mu", "mw", "gx", "gy", "gz")
-    derived = DeferredOutputs(partial(_derived_cross_product_body, names))
-    return Template(
-        key="cross-product-body", equation="kinetic energy of w = a x u", scalars=names, data=data, outputs=derived, is_catalogued=True
-    )
+    return _template("cross-product-body", "kinetic energy of w = a x u", names, data, partial(_derived_cross_product_body, names))
 
 
 def _derived_cross_product_body(names: tuple[str, ...]) -> Outputs:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from ncgen.model.elements import Component
 from ncgen.model.rows import Owner
 from ncgen.model.values import Scalar, Value
 from ncgen.symbolic.templates import Template
-
-if TYPE_CHECKING:
-    pass
 
 LinearForm: TypeAlias = tuple[tuple[Scalar, Component], ...]
 """Pairs (weight, coordinate); a weight is a value."""

@@ -146,13 +146,7 @@ def _key(recipe: Recipe) -> str:
     return digest.hexdigest()[:40]
 
 
-def _build(
-    entry: Path,
-    recipe: Recipe,
-    loads: bool,
-    time_limit: float,
-    objects: Mapping[str, Path],
-) -> BuiltLibrary:
+def _build(entry: Path, recipe: Recipe, loads: bool, time_limit: float, objects: Mapping[str, Path]) -> BuiltLibrary:
     """Compile and publish an entry. Raises OSError where its folder does not take it."""
     work = Path(tempfile.mkdtemp(prefix=TEMPORARY, dir=entry.parent))
     try:

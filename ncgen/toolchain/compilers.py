@@ -19,7 +19,6 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 
@@ -170,6 +169,8 @@ def find_compilers() -> Iterator[Compiler]:
 
 def zig() -> Compiler:
     """The compiler of the Python package ziglang."""
+    from importlib.metadata import version  # which takes long to import
+
     return Compiler((sys.executable, "-m", "ziglang", "cc"), f"ziglang {version('ziglang')}:{_machine()}")
 
 
@@ -217,11 +218,7 @@ class Recipe:
 
 
 def make_library(
-    folder: Path,
-    recipe: Recipe,
-    loads: bool = True,
-    time_limit: float = 0.0,
-    objects: Mapping[str, Path] = NO_OBJECTS,
+    folder: Path, recipe: Recipe, loads: bool = True, time_limit: float = 0.0, objects: Mapping[str, Path] = NO_OBJECTS
 ) -> tuple[list[str], str]:
     """Write sources into a folder and compile them to LIBRARY there; the command and what the compiler said.
 

@@ -1,12 +1,17 @@
-"""Curves over time as a small SVG picture."""
+"""Curves over time as small SVG pictures: of anything, and of a trajectory, one below the other."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ncgen.view.svg import COLOURS, INK, TEXT, SvgDrawing, path, text
+from ncgen.view.chosen import above_lowest, grouped
+from ncgen.view.svg import COLOURS, INK, TEXT, SvgDrawing, below_each_other, path, text
+
+if TYPE_CHECKING:
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
 WIDTH, HEIGHT = 330.0, 140.0
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 8.0, 22.0, 20.0
@@ -57,3 +62,21 @@ def _span(values: np.ndarray) -> tuple[float, float]:
     """Lowest and highest, never the same."""
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     return (low, high) if high > low else (low - max(abs(low), 1.0) / 2, high + max(abs(high), 1.0) / 2)
+
+
+PANELS, LINES = 2, 6
+"""Pictures of coordinates, and curves in each."""
+
+
+def curves_of_motion(run: Trajectory) -> SvgDrawing:
+    """Angles and lengths, or the independent coordinates; energies where there are any; the largest |Φ| as its power of ten."""
+    drawn = [curves(run.t, {name: run[name] for name in names[:LINES]}, label) for label, names in [*grouped(run).items()][:PANELS]]
+    kinetic, potential = above_lowest(run)
+    if np.isfinite(kinetic + potential).any():
+        energies = {"kinetic": kinetic, "potential above its lowest": potential, "total": kinetic + potential}
+        drawn.append(curves(run.t, energies, "energy (J)"))
+    violation = np.asarray(run.violation(), dtype=float)
+    if (violation > 0).any():
+        powers = np.log10(violation, out=np.full_like(violation, np.nan), where=violation > 0)
+        drawn.append(curves(run.t, {"of the largest |Φ|": powers}, "power of ten"))
+    return below_each_other(drawn, f"{run.name} over time")

@@ -46,8 +46,7 @@ def together(meshes: Iterable[Mesh]) -> Mesh:
     meshes = list(meshes)
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     return Mesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.triangles + start for mesh, start in zip(meshes, starts)]),
+        np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate([mesh.triangles + start for mesh, start in zip(meshes, starts)])
     )
 
 

@@ -8,14 +8,14 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ncgen.comparisons.case import Case
-from ncgen.comparisons.hard import warm
-from ncgen.comparisons.hard_cases import CASES
+from benchmarks.case import Case
+from benchmarks.hard import warm
+from benchmarks.hard_cases import CASES
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import measure, repeated
-from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
+from ncgen.report.precision import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.motions.entry_points import simulate
 from ncgen.solver.runs.progress_reports import ProgressOption
 from ncgen.solver.trajectories.trajectory import Trajectory

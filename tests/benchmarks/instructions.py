@@ -14,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ncgen.comparisons.rivals.base import KERNELS, Inputs, own_start
-from ncgen.comparisons.rivals.handwritten import source
+from benchmarks.foreign import own_start
+from benchmarks.rivals.handwritten import source
+from ncgen.comparisons.rivals.base import KERNELS, Inputs
 from ncgen.compiler import compile, generate
 from ncgen.emit.c.files import motion_files
 from ncgen.emit.naming import prefix_of

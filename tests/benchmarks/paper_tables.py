@@ -14,10 +14,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
+from benchmarks.falls import ToleranceArguments, end_state
+from benchmarks.foreign import handwritten
 from benchmarks.rivals.casadi_tangents import with_tangents
 from benchmarks.students import Derivative, hand_written
-from ncgen.comparisons.falls import end_state, own_run
-from ncgen.comparisons.rivals.base import differentiable, handwritten
+from ncgen.comparisons.rivals.base import differentiable
 from ncgen.comparisons.rivals.differences import Slope, central, complex_step, jacobian
 from ncgen.comparisons.rivals.exact import relative_error
 from ncgen.compiler import compile
@@ -25,7 +26,7 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
-from ncgen.report.methods import ToleranceArguments
+from ncgen.report.precision import own_run
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, StepStart, motion
 from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.integrators.solvers import ODE_SOLVERS

@@ -132,6 +132,11 @@ def test_no_identifier_is_given_twice(wishes):
     assert len(set(given_out)) == len(given_out) and "phi" not in given_out
 
 
+def test_equal_names_are_numbered_from_2_on():
+    names = Names(["x_3"])
+    assert [names("x") for _ in range(4)] == ["x", "x_2", "x_4", "x_5"]
+
+
 LABELS = {
     "quotes": ('say "hi"', True),
     "backslash": ("ends with \\", True),

@@ -93,6 +93,13 @@ def test_simulations_that_cannot_begin(dropped):
     assert sims.q[:, 0] == pytest.approx([1 - G / 200, -0.1]) and math.isclose(sims.t[0], 0.1)
 
 
+def test_simulations_that_cannot_begin_are_counted(dropped):
+    sims = ncgen.start(dropped, 3)
+    sims.q[1:] = -0.1
+    with pytest.raises(ncgen.ConvergenceError, match=r"^simulation 1 of 3 \(and 1 others?\): event floor: the gap is -0.1"):
+        sims.step(0.1)
+
+
 def test_rows_that_stick():
     """T5 from its velocity and from half of it: each row rests at its own time and place, as alone."""
     m, s = sliding_block("oscillator")

@@ -118,6 +118,17 @@ def test_a_block_rocks():
     assert run.inputs["side"][[0, -1]].tolist() == [1.0, -1.0] and run.energy_drift < 1e-9
 
 
+def test_velocities_that_move_one_another_are_all_set():
+    """Each is reached by the least change, which moves the others, too."""
+    m = ncgen.load("doublependulum")
+    names = ["B.x", "C.x"]
+    wanted = dict(zip((f"rate({name})" for name in names), (0.3, -0.5), strict=True))
+    m.event("kick", when=0.1 - m.time, do=wanted)
+    kernels = ncgen.compile(m)
+    run = ncgen.simulate(kernels, 0.2, points=3)
+    assert [run.events[0].after[kernels.index[name]] for name in names] == pytest.approx([0.3, -0.5], rel=1e-12)
+
+
 def thrown(**event) -> ncgen.Kernels:
     m = ncgen.Model("thrown")
     P = m.point("P", (0, 0))

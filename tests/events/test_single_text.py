@@ -17,9 +17,18 @@ RULES = {
     "what its load does not allow": (r"load_tolerance|slack_before|friction_reserve|reserve = ", "ncgen_active.c"),
     "what cannot move": (r"1\.?0?e-0?9\)? \* whole|least_mobility", "ncgen_active.c"),
     "standstill": (r"standstill|velocity_tolerance", "ncgen_active.c"),
+    "velocities after a lock closes": (r"locked = r?\(?1|<= \(?locked|allowed \*|velocity_residual", "ncgen_active.c"),
+    "determinants of loads": (r"most_parts = 12|most_sliding|\bpositive = (1e|r\()|> determined", "ncgen_sliding.c"),
+    "rest in space": (
+        r"of_step = r\(0\.1|rounding_share = r\(1\.0e-3|from_rest|speed_factor|longer = r\(|unseen = r\(20",
+        "ncgen_sliding.c",
+    ),
+    "what a contact at rest is compared with": (r"rest = r?\(?1\.?0?e-11", ""),
+    "what has become of what was held": (r"ncgen_turns|joints\[\d", "ncgen_active.c ncgen_event_table.h"),
+    "how a contact slides": (r"gaps\[k\] not in wanted|slides && |ncgen_slides_on;|ncgen_slides_on :", "ncgen_active.c"),
     "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
 }
-"""{rule: words that its text has, the file that has it, or two}"""
+"""{rule: words that its text has, the file that has it, or two; none where C receives it from the model}"""
 
 COMMENT = re.compile(r'/\*.*?\*/|""".*?"""|#[^\n"]*\n', re.DOTALL)
 

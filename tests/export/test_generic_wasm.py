@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from exported import shell
 from oracles.planar_models import Drawn
+from oracles.term_tables import term_table
 
 import ncgen
-from ncgen.program.term_tables import term_table
 from ncgen.resources import folder
 from ncgen.toolchain import generic_wasm
 

@@ -8,6 +8,7 @@ import pytest
 import ncgen
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.toolchain.abi import DUAL, abi, runtime_abi
 
 
@@ -67,5 +68,6 @@ def test_a_run_in_c_reads_what_there_is(wrong):
     given = {"q": kernels.q0, "velocities": np.zeros(kernels.n), "p": kernels.p0, "sizes": np.ones(2 * kernels.n + 1)}
     given["movable"] = np.zeros(2, np.intc)
     given[wrong] = np.append(given[wrong], 0)
+    initial = InitialState(*(given.pop(name) for name in ("q", "velocities", "p")))
     with pytest.raises(NcgenError, match=f"{wrong}.*"):
-        all_coordinates(kernels).simulate("dopri5", [0.0, 0.1], formalism=1, **given)
+        all_coordinates(kernels).simulate("dopri5", [0.0, 0.1], initial, formalism=1, **given)

@@ -1,17 +1,20 @@
 """What was generated once is not generated again, and never mistaken for something else."""
 
 import hashlib
+import importlib.metadata
+import os
 import pickle
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import ncgen
 from ncgen import compiler
-from ncgen.mechanism import recall
+from ncgen.mechanism import generator_identity, recall
 from ncgen.mechanism.runtime_library import prepare
 from ncgen.toolchain.cache import clear
 
@@ -80,18 +83,56 @@ def test_another_model_or_emission_is_another(generations):
     assert generations == ["pendulum"] * 3
 
 
-@pytest.mark.parametrize("package", [*recall.PACKAGES, "python"])
-def test_another_generator_is_another(generations, monkeypatch, package):
-    """Another version of anything that makes code of a model may make other code."""
-    known = recall.version
+@pytest.mark.parametrize("package", [*generator_identity.PACKAGES, "python"])
+def test_another_generator_is_another(generations, monkeypatch, tmp_path, package):
+    """Another version of anything that makes code of a model may make other code. It comes with another file to begin with."""
+    known, found, entry = importlib.metadata.version, generator_identity.find_spec, tmp_path / "package" / "__init__.py"
+    entry.parent.mkdir()
+    entry.write_text("")
     ncgen.compile(pendulum(), "c")
-    recall._generator.cache_clear()
-    monkeypatch.setattr(recall, "version", lambda name: "0" if name == package else known(name))
+    generator_identity.generator_identity.cache_clear()
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: "0" if name == package else known(name))
+    monkeypatch.setattr(
+        generator_identity, "find_spec", lambda name: SimpleNamespace(origin=str(entry)) if name == package else found(name)
+    )
     if package == "python":
-        monkeypatch.setattr(recall.platform, "python_version", lambda: "0")
+        monkeypatch.setattr(generator_identity.platform, "python_version", lambda: "0")
     ncgen.compile(pendulum(), "c")
-    recall._generator.cache_clear()
+    generator_identity.generator_identity.cache_clear()
     assert generations == ["pendulum"] * 2
+
+
+def test_files_are_read_again_where_they_changed(monkeypatch, tmp_path):
+    """A digest of the same bytes is the same whenever they were written; it is not computed while no file has changed."""
+    path = tmp_path / "model.py"
+    monkeypatch.setattr(generator_identity, "package_files", lambda *_: [str(path)])
+    computed = []
+    content = generator_identity._content
+    monkeypatch.setattr(generator_identity, "_content", lambda files: computed.append(content(files)) or computed[-1])
+
+    def identity(text, later):
+        if text is not None:
+            path.write_text(text)
+            os.utime(path, ns=(later, later))
+        generator_identity.generator_identity.cache_clear()
+        return generator_identity.generator_identity()
+
+    try:
+        identities = [identity("a", 1), identity(None, 0), identity("b", 2), identity("a", 3)]
+    finally:
+        generator_identity.generator_identity.cache_clear()
+    assert identities[0] == identities[1] == identities[3] != identities[2]
+    assert len(computed) == 3
+
+
+def test_a_model_that_has_grown_is_another(generations):
+    """What is derived of kernels later is kept for the model as it is then."""
+    model = pendulum()
+    kernels = ncgen.compile(model, "c")
+    before = recall._key_of(kernels.programs)
+    assert before == recall.key(model, "auto") == recall._key_of(ncgen.compile(pendulum(), "c").programs)
+    model.point("B", (2, 0))
+    assert recall._key_of(kernels.programs) == recall.key(model, "auto") != before
 
 
 def test_damaged_files_are_written_again(generations, cache):

@@ -24,6 +24,7 @@ import os
 import random
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import tomllib
@@ -34,7 +35,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from faults import ROOT, Fault, faults, is_source
-from reached import Reached
+from reached import PREBUILT, Reached
 from trial import failing, warm_up
 
 ROOMS = ("program", "emit", "solver", "runtime")
@@ -79,11 +80,21 @@ class Planted:
         path.write_text(fault.planted(sound.decode()), encoding="utf-8")
         # Python takes compiled modules for those of their source by its time and size: each fault has a time of its own.
         os.utime(path, (status.st_atime, status.st_mtime + next(self.turns)))
+        binaries = {file: file.read_bytes() for file in path.parent.glob("*.wasm")} if path.parent.name == PREBUILT else {}
         try:
+            if binaries and not self._makes_binaries():
+                return "the compiler of WebAssembly"
             return failing(self.copy, tests, seconds, is_in_c=path.suffix == ".c")
         finally:
             path.write_bytes(sound)
             os.utime(path, (status.st_atime, status.st_mtime))
+            for file, content in binaries.items():
+                file.write_bytes(content)
+
+    def _makes_binaries(self) -> bool:
+        """Whether the files of WebAssembly can be made anew."""
+        command = [sys.executable, "-m", "ncgen.toolchain.generic_wasm"]
+        return subprocess.run(command, cwd=self.copy, capture_output=True).returncode == 0
 
 
 def _once(faults: Iterable[Fault]) -> Iterator[Fault]:

@@ -54,9 +54,9 @@ class Watch:
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Only what was asked for, a whole module where its name was given."""
         if self.is_in_c:  # what is derived from models is the same whatever the C library does, so it is recalled as of sound sources
-            from ncgen.mechanism import recall, runtime_library
+            from ncgen.mechanism import generator_identity, runtime_library
 
-            recall.package_files = partial(_sound_files, recall.package_files)
+            generator_identity.package_files = partial(_sound_files, generator_identity.package_files)
             runtime_library.shared = lambda _, make: make()  # the library itself is not, since it is what has the fault
         ranks = {item: self.rank.get(item.nodeid, self.rank.get(item.nodeid.partition("::")[0])) for item in items}
         items[:] = sorted((item for item in items if ranks[item] is not None), key=lambda item: ranks[item] or 0)
@@ -82,7 +82,7 @@ class Watch:
             os._exit(0)
 
 
-def _sound_files(package_files: Callable[..., list[Path]], *packages: str) -> list[Path]:
+def _sound_files(package_files: Callable[..., list[str]], *packages: str) -> list[str]:
     """Files of packages of ncgen, without the C library."""
     return package_files(*(package for package in packages if package != "runtime"))
 

@@ -6,12 +6,12 @@ import re
 from dataclasses import replace
 
 import pytest
+from program_text import dump
 
 from ncgen.model.pieces import Pieces
 from ncgen.program.assemble import assemble
 from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.cost import cost
-from ncgen.program.ir.dump import dump
 from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.symbolic.equations import build_equations
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from oracles.planar_models import Drawn
+from oracles.term_tables import term_table
 
 import ncgen
 from ncgen.emit.c.generic import generic_files, types_source
 from ncgen.errors import ModelError
-from ncgen.program.term_tables import term_table
 from ncgen.symbolic.equations import build_equations
 from ncgen.toolchain.abi import abi, declared
 from ncgen.toolchain.loader import load

@@ -8,6 +8,7 @@ import pytest
 import ncgen
 from ncgen.errors import ModelError, SingularError
 from ncgen.exchange.toml_writer import to_toml
+from ncgen.solver.positions import negative_mass
 
 ARM = """<robot name="r"><link name="a"/>
 <link name="b"><inertial><origin xyz="0.5 0.1 0.2" rpy="0.1 0.2 0.3"/><mass value="2"/>
@@ -91,6 +92,19 @@ def test_a_run_that_passes_a_negative_mass_warns_with_the_bodys_name(tmp_path):
     """Without a force and a velocity nothing stops it; of the twenty instants that are looked at 0.855 s is the first after π/4."""
     with pytest.warns(UserWarning, match=f"^r: at t = 0.855 s {WORDS}"):
         ncgen.simulate(driven(tmp_path, 0.0), 1.5)
+
+
+@pytest.mark.parametrize("name", ["bennett", "chain", "heavytop", "pendulum", "stewart"])
+def test_the_energies_of_bodies_make_that_of_the_mass_matrix(name):
+    """The body that is named is the one with the least kinetic energy; together they have ½ q̇ᵀ M q̇ in any motion."""
+    kernels = ncgen.compile(ncgen.load(name), backend="numpy")
+    p = kernels.present(0.0, kernels.p0)
+    _, motions, M = negative_mass.principal_motions(kernels, kernels.q0, 0.0, p)
+    bodies = [body for body in kernels.model.bodies.values() if body.own_inertia is not None]
+    for k in range(2):
+        qd = motions @ np.cos(np.arange(motions.shape[1]) + k)
+        energies = [negative_mass._kinetic_energy(kernels, body, qd, p) for body in bodies]
+        assert sum(energies) == pytest.approx(qd @ M @ qd / 2, rel=1e-12)
 
 
 def test_they_may_be_parameters(tmp_path):

@@ -9,6 +9,7 @@ from scipy.special import ellipj, ellipk
 
 import ncgen
 from ncgen.exchange.examples import example_module
+from ncgen.mechanism.run_arguments import InitialState, Monitor
 from ncgen.model import Model
 from ncgen.solver.runs.stop import StopCondition
 
@@ -31,6 +32,11 @@ def top(N: int, t: float) -> np.ndarray:
     s, c, d, _ = ellipj(u, mu)
     sn, cn = s / d / np.sqrt(1 - m), c / d
     return np.array([2 * sn * cn, 1 - 2 * sn * sn])
+
+
+def at_rest(kernels):
+    """The mechanism's own position, without velocities."""
+    return InitialState(kernels.q0, np.zeros(kernels.n), kernels.p0)
 
 
 def test_published_end_value():
@@ -131,7 +137,7 @@ def test_thousand_links():
         sizes[n] = dynamics.plan.nonzeros
     assert sizes[1000] < 11 * sizes[100]
     options = dict(rtol=1e-8, atol=1e-10, tolerance=1e-12, formalism=number_in_c(FORMALISMS["lagrange"]), project=1)
-    done = dynamics.simulate("dop853", [0.0, 0.05], kernels.q0, np.zeros(kernels.n), kernels.p0, **options)
+    done = dynamics.simulate("dop853", [0.0, 0.05], at_rest(kernels), **options)
     assert done.status == "ok"
     before, after = kernels.energy(kernels.q0, np.zeros(kernels.n)), kernels.energy(done.q[-1], done.qd[-1])
     assert abs(np.sum(after[:2] - before[:2])) < 1e-8 * after[0]
@@ -162,13 +168,13 @@ def test_stop_at_a_position(integrator):
         options["max_step"] = 1e-3
     dynamics = ConstrainedDynamics(kernels)
     rising, falling = StopCondition(0, 0.0, 1).conditions, StopCondition(0, 0.0, -1).conditions
-    done = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, conditions=rising, **options)
+    done = dynamics.simulate(integrator, grid, at_rest(kernels), monitor=Monitor(conditions=rising), **options)
     quarter = ellipk(0.5) / np.sqrt(9.81)
     assert done.stopped
     assert abs(done.reached - quarter) < 1e-9
     assert abs(done.last[0][0]) < 1e-9
     assert len(done.q) == np.sum(grid < quarter)
-    later = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, conditions=falling, **options)
+    later = dynamics.simulate(integrator, grid, at_rest(kernels), monitor=Monitor(conditions=falling), **options)
     assert later.stopped and abs(later.reached - 3 * quarter) < 1e-9
 
 
@@ -181,7 +187,7 @@ def test_solutions_are_refined_where_factors_are_not_exact():
 
     def refinements(number, formalism):
         options = dict(max_step=0.01, tolerance=1e-5, project=1, formalism=number_in_c(find_formalism(formalism)))
-        done = ConstrainedDynamics(kernels, number).simulate("rk4", [0.0, 0.05], kernels.q0, np.zeros(kernels.n), kernels.p0, **options)
+        done = ConstrainedDynamics(kernels, number).simulate("rk4", [0.0, 0.05], at_rest(kernels), **options)
         assert done.status == "ok"
         return done.refinements
 
@@ -197,10 +203,7 @@ def test_the_largest_projection_is_what_the_one_step_had_left_open():
 
     kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
     options = dict(max_step=0.3, tolerance=1e-12, formalism=number_in_c(find_formalism("lagrange")))
-    left, closed = (
-        ConstrainedDynamics(kernels).simulate("rk4", [0.0, 0.3], kernels.q0, np.zeros(kernels.n), kernels.p0, project=p, **options)
-        for p in (0, 1)
-    )
+    left, closed = (ConstrainedDynamics(kernels).simulate("rk4", [0.0, 0.3], at_rest(kernels), project=p, **options) for p in (0, 1))
     moved = np.max(np.abs(closed.q[-1] - left.q[-1]) / kernels.column_sizes)
     assert 1e-6 < moved < 1e-3
     assert closed.largest_projection == pytest.approx(moved, rel=1e-10)

@@ -30,7 +30,7 @@ def in_c():
 
     ffi = FFI()
     ffi.cdef(DECLARED)
-    names = ("ncgen.h", "ncgen_math.h", "ncgen_vectors.h", "ncgen_crossing.h", "ncgen_crossing.c")
+    names = ("ncgen.h", "ncgen_math.h", "ncgen_space.h", "ncgen_vectors.h", "ncgen_crossing.h", "ncgen_crossing.c")
     library = ffi.dlopen(str(build(runtime_files(*names), find_compiler()).library))
 
     def call(values, noise, direction, sign=0):

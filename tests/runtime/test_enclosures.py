@@ -37,15 +37,12 @@ def polynomial_at(c, x):
 
 
 def arguments(name, random, degree):
-    """Random polynomials that vary by 1e-4 to 1 of what they are; positive for roots and logarithms."""
+    """Random polynomials of size 0.01 to 10 that vary by 1e-4 to 1 of what they are; positive for roots and logarithms."""
     for _ in range(2 if name in TWO else 1):
-        varies = 10.0 ** random.uniform(-4, 0)
+        varies, size = 10.0 ** random.uniform(-4, 0), 10.0 ** random.uniform(-2, 1)
         c = random.uniform(-1, 1, degree) * varies * 0.5 ** np.arange(degree)
-        c[0] = (
-            float(random.choice([-1, 1]))
-            * (1.0 if name in ("sqrt", "log", "div", "atan2") else random.uniform(0, 1))
-            * 10.0 ** random.uniform(0, 1)
-        )
+        c[0] = float(random.choice([-1, 1])) * (1.0 if name in ("sqrt", "log", "div", "atan2") else random.uniform(0, 1))
+        c *= size
         if name in ("sqrt", "log"):
             c[0] = abs(c[0])
             c[1:] *= 0.7 * c[0] / max(np.sum(np.abs(c[1:])), c[0])

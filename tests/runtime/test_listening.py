@@ -14,7 +14,7 @@ import pytest
 import ncgen
 from ncgen.mechanism.listening import FIRST, REACTION, Listener
 from ncgen.methods.method import Method
-from ncgen.report.methods import TimeIsUp, time_limit
+from ncgen.report.precision import TimeIsUp, time_limit
 from ncgen.solver.engines.compiled import run, run_constrained
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.alarms import GOLDEN, N_SAMPLES

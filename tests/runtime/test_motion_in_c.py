@@ -7,6 +7,7 @@ import pytest
 
 import ncgen
 from ncgen.exchange.examples import load
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.methods.table import FORMALISMS, number_in_c
 from ncgen.solver.engines.acceleration_forms import all_coordinates
 
@@ -57,7 +58,7 @@ def test_steps_link_by_link_factor_no_matrix():
     kernels = ncgen.compile(crank_rocker(), "c")
     start = ncgen.start(kernels, qd0={"B.y": 1.2})
     given = dict(formalism=number_in_c(FORMALISMS["lagrange"]), project=1, tolerance=1e-9, rtol=1e-8, atol=1e-10)
-    done = all_coordinates(kernels, form="emitted").simulate("dop853", [0.0, 1.0], start.q, start.qd, kernels.p0, **given)
+    done = all_coordinates(kernels, form="emitted").simulate("dop853", [0.0, 1.0], InitialState(start.q, start.qd, kernels.p0), **given)
     assert done.status == "ok" and done.steps > 50
     assert done.factorisations < done.steps / 10 and done.fallbacks == 0
     assert np.max(np.abs(kernels.phi(done.q[-1]) / kernels.row_sizes)) < 1e-13

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import ncgen
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.program.algebra.elimination import factor, solve, solve_refined
 from ncgen.program.ir.blocks import Program, Store, Straight
 from ncgen.program.ir.evaluate import evaluate
@@ -37,7 +38,7 @@ def test_a_zero_pivot_is_repeated_and_counted(square, method):
     emitted = partition_dynamics.dynamics(square, partitions, "emitted", later, square.p0)
     jacobian = square.jacobian(square.q0)
     assert np.sum(jacobian[np.ix_(partitions.position.rows[1:], [square.index["C.x"], square.index["C.y"]])] == 0.0) == 2
-    given = (method, [0.0, 0.1], square.q0, np.zeros(1), square.p0)
+    given = (method, [0.0, 0.1], InitialState(square.q0, np.zeros(1), square.p0))
     done = emitted.simulate(*given, rtol=1e-9, atol=1e-11, tolerance=1e-12, max_growth=1e9)
     assert done.status == "ok" and done.fallbacks > 0
     assert done.q[-1] == pytest.approx(python.q[-1], abs=1e-8)
@@ -91,7 +92,8 @@ def fourbar():
 def test_pivots_that_serve_are_used(fourbar, method):
     """Where none vanishes nothing is done with row exchanges."""
     kernels, q, emitted = fourbar
-    done = emitted.simulate(method, [0.0, 0.05], q, np.ones(1), kernels.p0, rtol=1e-6, atol=1e-8, tolerance=1e-12, max_growth=1e9)
+    start = InitialState(q, np.ones(1), kernels.p0)
+    done = emitted.simulate(method, [0.0, 0.05], start, rtol=1e-6, atol=1e-8, tolerance=1e-12, max_growth=1e9)
     assert done.status == "ok" and done.evaluations > 0 and done.fallbacks == 0
 
 
@@ -103,6 +105,7 @@ STEPS = {"dop853": {"rtol": 1e-9, "atol": 1e-11}, "radau": {"rtol": 1e-9, "atol"
 def test_implicit_steps_without_what_they_need_are_refused(fourbar, method, missing, monkeypatch):
     """Tangents, and rows for the solutions with row exchanges that a Jacobian is made of; explicit steps need neither."""
     kernels, q, emitted = fourbar
+    start = InitialState(q, np.ones(1), kernels.p0)
     whole = ncgen.simulate(kernels, 0.05, q0=q, zd0=[1.0], z="psi", points=2, rtol=1e-10, engine="python")
     kept = emitted._dynamics.rows
     if "tangents" in missing:
@@ -110,7 +113,7 @@ def test_implicit_steps_without_what_they_need_are_refused(fourbar, method, miss
     try:
         if "rows" in missing:
             emitted._dynamics.rows = emitted._ffi.NULL
-        done = emitted.simulate(method, [0.0, 0.05], q, np.ones(1), kernels.p0, **STEPS[method], tolerance=1e-12, max_growth=1e9)
+        done = emitted.simulate(method, [0.0, 0.05], start, **STEPS[method], tolerance=1e-12, max_growth=1e9)
     finally:
         emitted._dynamics.rows = kept
     assert done.status == ("argument" if missing and method != "dop853" else "ok")

@@ -62,8 +62,8 @@ def program(tmp_path_factory):
     for name, text in runtime_files(*needed_by("ncgen_radau.c")).items():
         (folder / name).write_text(text)
     (folder / "main.c").write_text(DRIVER)
-    alone = ["-ffunction-sections", "-Wl,--gc-sections"]
-    subprocess.run(["cc", "-std=c99", "-O1", *alone, "main.c", "ncgen_vectors.c", "-o", "main", "-lm"], cwd=folder, check=True)
+    alone, sources = ["-ffunction-sections", "-Wl,--gc-sections"], ["main.c", "ncgen_space.c", "ncgen_vectors.c"]
+    subprocess.run(["cc", "-std=c99", "-O1", *alone, *sources, "-o", "main", "-lm"], cwd=folder, check=True)
     return folder / "main"
 
 

@@ -14,6 +14,7 @@ from scipy.special import ellipk
 
 import ncgen
 from ncgen.exchange.examples import example_module
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.solver.engines.partition_dynamics import dynamics
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.positions.partition import choose_partitions
@@ -350,8 +351,8 @@ def test_fixed_steps_without_a_length_are_refused_in_c(robot):
     zd = np.zeros(6)
     for times, max_step in (([0.0, 1.0], 0.0), ([0.0, 1.0], 1e-300), ([1.0, 1.0], 0.1)):
         with pytest.raises(ncgen.NcgenError, match="rk4 cannot step over these times"):
-            lanes.simulate("rk4", times, q[None], zd[None], robot.p0, max_step=max_step, tolerance=1e-12, max_growth=2.0)
-    assert single.simulate("rk4", [0.0, 1.0], q, zd, robot.p0, tolerance=1e-12, max_growth=2.0).status == "argument"
+            lanes.simulate("rk4", times, InitialState(q[None], zd[None], robot.p0), max_step=max_step, tolerance=1e-12, max_growth=2.0)
+    assert single.simulate("rk4", [0.0, 1.0], InitialState(q, zd, robot.p0), tolerance=1e-12, max_growth=2.0).status == "argument"
 
 
 def test_accelerations_are_those_of_the_reference(robot):

@@ -6,14 +6,14 @@ import warnings
 
 import numpy as np
 import pytest
+from benchmarks.hard_cases import CASES
 from every_example import EVERY
 
 import ncgen
-from ncgen.comparisons.hard_cases import CASES
 from ncgen.errors import ConvergenceError
 from ncgen.exchange.examples import load
 from ncgen.model import Model
-from ncgen.report.methods import time_limit
+from ncgen.report.precision import time_limit
 from ncgen.solver.runs.simulation_options import simulation_of
 
 QUICK = (

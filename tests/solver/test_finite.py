@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 import ncgen
 from ncgen.errors import DomainError, ModelError
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS
 from ncgen.model import Model
@@ -246,7 +247,7 @@ def test_the_runtime_itself_refuses_them(method):
     kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
     dynamics, given = (
         ConstrainedDynamics(kernels),
-        dict(q=kernels.q0, velocities=np.zeros(2), p=kernels.p0, formalism=1, tolerance=1e-12, project=1),
+        dict(initial=InitialState(kernels.q0, np.zeros(2), kernels.p0), formalism=1, tolerance=1e-12, project=1),
     )
     same = dynamics.simulate(method, [1e16, 1e16], max_step=1e-3, **given)
     assert (same.status, len(same.q)) == ("argument", 0)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from driven_models import mass_on_a_slide
 from test_sensitivity import START, fourbar, mast
 
 import ncgen
@@ -240,6 +241,17 @@ def test_a_rolling_disc_by_its_rates(method):
     rates = {name: found.qd[0, kernels.index[name]] for name in ("C.x", "u.x", "u.z")}
     ends = [ncgen.sensitivities(kernels, **at, zd0=rates | {"u.x": rates["u.x"] + step}, by=()).q for step in (1e-5, -1e-5)]
     np.testing.assert_allclose(found.q_by[:, :, 0], (ends[0] - ends[1]) / 2e-5, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_rests_by_its_start(method):
+    """A mass that nothing pushes: s(T) = s₀ + T ṡ₀, also where steps move nothing and so correct no energy."""
+    kernels = ncgen.compile(mass_on_a_slide(), "numpy")
+    name, options = method.split(",")[0], METHODS[method]
+    found = ncgen.sensitivities(kernels, 0.3, 3, integrator=name, options=options, by=("s", "rate(s)"))
+    s = kernels.index["s"]
+    np.testing.assert_allclose(found.q_by[-1, s], [1.0, 0.3], rtol=1e-13)
+    np.testing.assert_allclose(found.qd_by[-1, s], [0.0, 1.0], atol=1e-13)
 
 
 def test_what_implicit_steps_refuse():

@@ -52,6 +52,9 @@ def test_every_formalism_over_all_coordinates(fourbar, asked, formalism):
     run, python = (ncgen.simulate(fourbar, 0.1, zd0={"psi": 9.0}, engine=engine, **options) for engine in ("auto", "python"))
     assert asked and all(asked) and run.engine.startswith("python")
     assert run.statistics.steps == pytest.approx(python.statistics.steps, abs=3)
+    assert run.statistics.projections == pytest.approx(python.statistics.projections, abs=3)
+    assert run.statistics.largest_projection == pytest.approx(python.statistics.largest_projection, rel=0.01)
+    assert (run.statistics.projections > run.statistics.steps) == (FORMALISMS[formalism] == "projection")
     assert run.q == pytest.approx(python.q, abs=1e-6 if formalism == "penalty" else 1e-7)
 
 

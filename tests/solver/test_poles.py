@@ -10,7 +10,7 @@ from test_state_space import GRAVITY, cart_pole, quarter_car
 
 import ncgen
 from ncgen import ModelError
-from ncgen.solver.linear.poles import zeros_of
+from ncgen.solver.linear.poles import Pole, poles_of, zeros_of
 from ncgen.view.response import response
 
 
@@ -56,6 +56,22 @@ def test_who_moves_in_the_poles_of_a_car(car):
     assert next(iter(fast.participation)) == "low" and fast.participation["low"] > 0.8
     assert sum(slow.participation.values()) == pytest.approx(1.0)
     assert str(slow).startswith(f"{slow.value.real:.6g} ± {slow.value.imag:.6g}i 1/s: high ")
+
+
+@pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
+def test_who_moves_does_not_depend_on_the_unit_of_time(scale):
+    """Poles of -1, -1, -1.01, and ± 2i on three others: whoever shares a pole shares its motion, the others do not."""
+    A = np.array([[-1.0, 0, 0, 0, 0], [0, -1.0, 0, 0, 0], [0, 0, -1.01, 0, 0], [0, 0, 0, 0, 2.0], [0, 0, 0, -2.0, 0]]) * scale
+    poles = poles_of(A, np.linalg.eigvals(A), "abcde")
+    found = {str(np.round(pole.value / scale, 9)): pole.participation for pole in poles}
+    both, single, pair = {"a": 0.5, "b": 0.5}, {"c": 1.0}, {"d": 0.5, "e": 0.5}
+    for value, expected in ((-1.0, both), (-1.01, single), (2j, pair)):
+        assert found[str(complex(value))] == pytest.approx(dict.fromkeys("abcde", 0.0) | expected, abs=1e-9)
+
+
+def test_a_pole_is_told_without_those_that_do_not_move():
+    """Whole percents: what has less than half of one is left out."""
+    assert str(Pole(-2.0, {"a": 0.75, "b": 0.2455, "c": 0.0045})) == "-2 1/s: a 75 %, b 25 %"
 
 
 @pytest.mark.parametrize("up", [True, False])

@@ -8,6 +8,7 @@ from driven_models import pendulum
 
 import ncgen
 from ncgen import ConvergenceError, ModelError
+from ncgen.solver.motions import simulations
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +88,15 @@ def test_who_is_stuck_stays_and_the_others_move():
     assert sims.t.tolist() == [0.01, 0.0, 0.01]
     sims.step(0.01, tau=0.5)
     assert not sims.stuck.any()
+
+
+def test_so_many_as_there_is_memory_for(rod, monkeypatch):
+    """q, q̇, q̈ and the parameters of each are counted."""
+    numbers = 3 * rod.n + len(rod.driven_by(None).p0)
+    monkeypatch.setattr(simulations, "MOST_NUMBERS", 4 * numbers)
+    assert ncgen.start(rod, 4).size == 4
+    with pytest.raises(ModelError, match="^variants: 5 simulations of 3 coordinates take more than"):
+        ncgen.start(rod, 5)
 
 
 def test_what_is_refused(rod):

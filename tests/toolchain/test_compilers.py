@@ -113,7 +113,7 @@ def test_the_order_of_the_search(monkeypatch):
         there.remove(gone)
     assert found == ["cc", "gcc", "clang"]
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *_, **__: object() if name == "ziglang" else None)
-    monkeypatch.setattr("ncgen.toolchain.compilers.version", lambda name: "0.12")
+    monkeypatch.setattr("importlib.metadata.version", lambda name: "0.12")
     assert find_compiler().command == (sys.executable, "-m", "ziglang", "cc")
 
 

@@ -13,10 +13,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import PIECES
 
-RUNTIME = {
-    SINCOS: Signature((F64, I32, I32), ()),
-    PIECES: Signature((F64, I32, I32, I32, I32, F64), (F64,)),
-}
+RUNTIME = {SINCOS: Signature((F64, I32, I32), ()), PIECES: Signature((F64, I32, I32, I32, I32, F64), (F64,))}
 """Functions of ncgen_linked.h that kernels call."""
 
 

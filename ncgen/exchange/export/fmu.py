@@ -206,10 +206,7 @@ def _event_variables(events: EventTable) -> dict[str, tuple[str, list[Variable]]
     left = "what its load has left, 1 where it is not held"
     conditions += [
         Variable(
-            name=f"load({name})",
-            unit="" if name in squares else "N",
-            description=f"condition of event {name}: {left}",
-            causality="local",
+            name=f"load({name})", unit="" if name in squares else "N", description=f"condition of event {name}: {left}", causality="local"
         )
         for name in events.loads
     ]

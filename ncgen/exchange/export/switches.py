@@ -97,7 +97,7 @@ def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duratio
     inputs = {ArrayElement("p", k): float(kernels.p0[k]) for k in laws.parameters}
     narrow = {}
     for node in nodes:
-        breaks = breaks_of_laws(kernels, replace(laws, switches=(), narrow=(node,)), 0.0, duration)
+        breaks = breaks_of_laws(kernels, replace(laws, switches=(), narrow=(node,)), duration)
         if len(breaks):
             t = np.sort(np.concatenate([np.linspace(0.0, duration, INTERVALS + 1), breaks[:, 0]]))
             x = values(laws.ops, node, {**inputs, TIME: t})
@@ -183,6 +183,6 @@ def _numbered(pieces: Pieces) -> Pieces:
 
 def _interval(kernels: Kernels, laws: TimeLaws, duration: float) -> float:
     """How far apart in time (s) the curves are looked at: so that breaks of the described motion are seen one by one."""
-    breaks = breaks_of_laws(kernels, laws, 0.0, duration).mean(axis=1)
+    breaks = breaks_of_laws(kernels, laws, duration).mean(axis=1)
     gaps = np.diff(breaks, prepend=0.0, append=duration)
     return max(MIN_TIME_FRACTION * duration, min(duration / INTERVALS, float(gaps[gaps > 0].min()) / 2))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot, changes_nothing, refused
-from ncgen.model.arithmetic import dot, norm, product, unit
+from ncgen.model.arithmetic import cross, dot, norm, product, unit
 from ncgen.model.measures import MIN_RELATIVE_LENGTH
 
 POINT_TOLERANCE = 1e-9
@@ -172,7 +172,7 @@ class Layer:
     def _screw(self, hold: Hold) -> None:
         """From a point of the parent on the axis, about which the child turns."""
         origin, axis = self._origin(hold.joint), self._axis(hold.joint)
-        self._slide(hold, [p for p in hold.parent.points if np.linalg.norm(np.cross(p.value - origin, axis)) < self.near])
+        self._slide(hold, [p for p in hold.parent.points if np.linalg.norm(cross(p.value - origin, axis)) < self.near])
 
     def _slide(self, hold: Hold, points: Sequence[PlannedElement]) -> None:
         """A point of the child slides along the joint's axis from one of these of the parent, else from the joint's origin."""
@@ -194,7 +194,7 @@ class Layer:
         """A vector of the parent along a joint's axis, and its sign: one that it or the child has, or a new one."""
         direction = self._axis(hold.joint)
         for vector in (*hold.parent.vectors, *hold.child.vectors):
-            if np.linalg.norm(np.cross(vector.value, direction)) < self.parallel:
+            if np.linalg.norm(cross(vector.value, direction)) < self.parallel:
                 return hold.parent.take(vector), float(np.sign(dot(vector.value, direction)))
         return hold.parent.take(PlannedElement(f"u_{hold.joint.name}", direction, False)), 1.0
 
@@ -206,7 +206,7 @@ class Layer:
         origin, axis = self._origin(hold.joint), self._axis(hold.joint)
         taken = next((h.start for h in self.holds if h.child is hold.parent and h.axis is hold.axis), None)
         for point in () if self.apart else (*hold.parent.points, *hold.child.points):
-            if point is not taken and np.linalg.norm(np.cross(point.value - origin, axis)) < self.near:
+            if point is not taken and np.linalg.norm(cross(point.value - origin, axis)) < self.near:
                 return hold.child.take(hold.parent.take(point))
         if taken and np.linalg.norm(taken.value - origin) < self.near:
             return hold.child.take(hold.parent.take(self._point(hold, "r", origin + POINT_OFFSET * self.size * axis)))
@@ -219,10 +219,10 @@ class Layer:
 
     def _meeting(self, a: np.ndarray, u: np.ndarray, b: np.ndarray, v: np.ndarray) -> np.ndarray | None:
         """Where two lines meet; None where they are parallel, or pass each other."""
-        across = np.cross(u, v)
+        across = cross(u, v)
         if np.linalg.norm(across) < MIN_SINGULAR_VALUE or abs(dot(b - a, across)) > self.near * np.linalg.norm(across):
             return None
-        return a + dot(np.cross(b - a, v), across) / dot(across, across) * u
+        return a + dot(cross(b - a, v), across) / dot(across, across) * u
 
     # -- frames --------------------------------------------------------------------------------
 
@@ -264,7 +264,7 @@ def _missing(rows: np.ndarray, frame: Placement) -> np.ndarray:
     if len(rows) == 0:
         return frame.rotation[:, 0]
     held = rows[0]
-    across = max((np.cross(held, other) for other in rows), key=norm)
+    across = max((cross(held, other) for other in rows), key=norm)
     if norm(across) > MIN_SINGULAR_VALUE:
         return unit(across)
     axis = frame.rotation[:, int(np.argmin(np.abs(product(frame.rotation.T, held))))]

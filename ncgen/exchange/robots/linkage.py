@@ -2,8 +2,7 @@
 
 The file begins where the model begins: there every joint's coordinate is 0, since only there loops are known to close. Springs' rests move
 along. In addition to bodies, rods between two points (`m.distance`, bodies of two points) become links on a universal joint and a ball,
-measured
-lengths (`m.length`) pairs of links without mass that slide on each other; in the plane they have hinges.
+measured lengths (`m.length`) pairs of links without mass that slide on each other; in the plane they have hinges.
 """
 
 from __future__ import annotations
@@ -134,16 +133,14 @@ class _Linkage:
             )
         axis = unit(screws[0].axis.initial) if kind in ("revolute", "prismatic") else NORMAL
         position = next((screw.point.initial for screw in turning if screw.point), child.position)
-        self._add(
-            Joint(name=name, kind=kind, parent=parent.name, child=child.name, placement=Placement(position=position), axis=axis),
-            parent,
-            child,
-            closes,
-        )
+        self._add(name, kind, (parent, child), position, closes, axis=axis)
 
-    def _add(self, joint: Joint, parent: _Part, child: _Part, closes: bool = False) -> None:
+    def _add(self, name: str, kind: str, parts: tuple[_Part, _Part], position: np.ndarray, closes: bool = False, **more: Any) -> None:
+        """A joint between a link and the one that it carries. more: as of `Joint`"""
+        parent, child = (each.name for each in parts)
+        joint = Joint(name=name, kind=kind, parent=parent, child=child, placement=Placement(position=position), **{"axis": NORMAL, **more})
         (self.loops if closes else self.joints).append(joint)
-        self.at[joint] = parent, child
+        self.at[joint] = parts
 
     def _put(self, old: Joint, new: Joint) -> None:
         for joints in (self.joints, self.loops):
@@ -182,54 +179,21 @@ class _Linkage:
         upper = _Part(self._free(f"{name}_upper"), [end], None, start.initial)
         self.parts += [lower, upper]
         self._pivot(self._free(f"{name}_foot"), foot, lower, start.initial, along)
-        joint = Joint(
-            name=name,
-            kind="prismatic",
-            parent=lower.name,
-            child=upper.name,
-            placement=Placement(position=start.initial),
-            axis=along,
-            **self._acting(length),
-        )
-        self._add(joint, lower, upper)
+        self._add(name, "prismatic", (lower, upper), start.initial, axis=along, **self._acting(length))
         self._ball(self._free(f"{name}_head"), upper, head, end.initial)
         self.described.add(name)
 
     def _pivot(self, name: str, parent: _Part, child: _Part, position: np.ndarray, along: np.ndarray) -> None:
         """A hinge in the plane, else a universal joint, across a rod."""
         if self.is_planar:
-            self._add(
-                Joint(
-                    name=name, kind="revolute", parent=parent.name, child=child.name, placement=Placement(position=position), axis=NORMAL
-                ),
-                parent,
-                child,
-            )
-            return
-        first = across(along)
-        second = unit(np.cross(along, first))
-        self._add(
-            Joint(
-                name=name,
-                kind="universal",
-                parent=parent.name,
-                child=child.name,
-                placement=Placement(position=position),
-                axis=first,
-                second=second,
-            ),
-            parent,
-            child,
-        )
+            self._add(name, "revolute", (parent, child), position)
+        else:
+            first = across(along)
+            self._add(name, "universal", (parent, child), position, axis=first, second=unit(np.cross(along, first)))
 
     def _ball(self, name: str, rod: _Part, end: _Part, position: np.ndarray) -> None:
-        kind = "revolute" if self.is_planar else "spherical"
-        parent, child = (end, rod) if end is self.world else (rod, end)
         self._add(
-            Joint(name=name, kind=kind, parent=parent.name, child=child.name, placement=Placement(position=position), axis=NORMAL),
-            parent,
-            child,
-            closes=True,
+            name, "revolute" if self.is_planar else "spherical", (end, rod) if end is self.world else (rod, end), position, closes=True
         )
 
     def _part_of(self, element: Spatial) -> _Part | None:

@@ -73,12 +73,12 @@ def shape(kind: str, sizes: Sequence[float], placement: Placement, colour: str |
     )
 
 
-def looked(read: Callable[[], Shape | Unseen], kind: str) -> Shape | Unseen:
+def looked(read: Callable[[], Shape | Unseen]) -> Shape | Unseen:
     """What a reader finds; where it refuses a picture's numbers it is not shown, and nothing else is the worse for it."""
     try:
         return read()
     except ModelError:
-        return Unseen(f"{kind} that cannot be read")
+        return Unseen("visual that cannot be read")
 
 
 def seen(shapes_and_reasons: Iterable[Shape | Unseen]) -> tuple[Shape, ...]:

@@ -7,6 +7,7 @@ they are. Joints have the names, signs and zeros of the model's coordinates; par
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -80,19 +81,13 @@ class _Teller:
             (rate,) = self.space.tree.rates[number]
             coordinate, factor = self.coordinates.get(rate, (None, 1.0))
         axis = axis if factor > 0 else -axis
-        if coordinate is None:
-            return Joint(
-                name=f"joint_{link.body.name}",
-                kind=kind,
-                parent=parent,
-                child=link.body.name,
-                placement=Placement(position=position),
-                axis=axis,
-            )
-        name, start = self.space.kernels.coordinates[coordinate], float(self.space.kernels.q0[coordinate])
-        start = 0.0 if abs(start) < ROUNDING else start
-        placement = _turned(axis, -start, position) if kind == "revolute" else Placement(position=position - start * axis)
-        return Joint(name=name, kind=kind, parent=parent, child=link.body.name, placement=placement, axis=axis, **acting(self.model, name))
+        name, placement, more = f"joint_{link.body.name}", Placement(position=position), dict[str, Any]()
+        if coordinate is not None:
+            name, start = self.space.kernels.coordinates[coordinate], float(self.space.kernels.q0[coordinate])
+            start = 0.0 if abs(start) < ROUNDING else start
+            placement = _turned(axis, -start, position) if kind == "revolute" else Placement(position=position - start * axis)
+            more |= acting(self.model, name)
+        return Joint(name=name, kind=kind, parent=parent, child=link.body.name, placement=placement, axis=axis, **more)
 
     def _kind(self, link: TreeLink) -> tuple[str, np.ndarray]:
         """The joint that carries a link, by its degrees of freedom, and its axis."""

@@ -19,7 +19,7 @@ from ncgen.exchange.robots.looks import Shape, Unseen, looked, seen, unseen
 from ncgen.exchange.robots.markup import UNLIMITED, Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mimic, Robot, hung
-from ncgen.exchange.robots.sdf_links import look_of, mass_of
+from ncgen.exchange.robots.sdf_links import look_of, mass_of, number_of
 from ncgen.exchange.robots.sdf_models import Document, document_of
 from ncgen.exchange.robots.sdf_scopes import MODEL, WORLD, Entry, flag
 from ncgen.exchange.robots.spanning import spanned
@@ -164,7 +164,7 @@ class _Reader:
 
     def link(self, entry: Entry) -> Link:
         """A link with its mass and looks."""
-        appearances = [looked(lambda visual=visual: look_of(visual, entry), "visual") for visual in entry.element.all("visual")]
+        appearances = [looked(lambda visual=visual: look_of(visual, entry)) for visual in entry.element.all("visual")]
         self.looks += appearances
         mass = mass_of(entry)
         lifted = (mass,) if mass and flag(entry.element, "gravity") is False else ()
@@ -189,12 +189,12 @@ class _Reader:
             placement=entry.scope.place(name, each),
             axis=self._axis(entry, axis) if kind not in ("fixed", "ball") else np.array([0.0, 0.0, 1.0]),
             second=self._axis(entry, second) if KINDS[kind] == "universal" else None,
-            damping=_number(dynamics, "damping"),
-            stiffness=_number(dynamics, "spring_stiffness"),
-            rest=_number(dynamics, "spring_reference"),
+            damping=number_of(dynamics, "damping"),
+            stiffness=number_of(dynamics, "spring_stiffness"),
+            rest=number_of(dynamics, "spring_reference"),
             pitch=_pitch(each) if kind == "screw" else 0.0,
             limits=_limits(axis) if kind in ACTING else None,
-            friction=_number(dynamics, "friction"),
+            friction=number_of(dynamics, "friction"),
             effort=_effort(axis) if kind in ACTING else None,
             mimic=self._mimic(entry, axis) if kind in ACTING else None,
             where=each.place,
@@ -237,15 +237,15 @@ class _Reader:
             mimic.refuse(f"joint {entry.element.name()}: there is no joint {shown(name)} to mimic")
         if (mimic.attributes.get("axis") or "axis") != "axis":
             mimic.refuse(f"joint {entry.element.name()}: only the first axis of joint {shown(name)} can be followed")
-        factor = _number(mimic, "multiplier", 1.0)
-        return Mimic(other.full, factor, _number(mimic, "offset") - factor * _number(mimic, "reference"))
+        factor = number_of(mimic, "multiplier", 1.0)
+        return Mimic(other.full, factor, number_of(mimic, "offset") - factor * number_of(mimic, "reference"))
 
     def _gear(self, entry: Entry, joints: list[Joint]) -> Coupling:
         """The child's angle relative to the reference body is −ratio times the parent's, each about an axis of the gearbox's own."""
         each = entry.element
         name, body = each.name(), self._end(entry, "gearbox_reference_body")
         shares: dict[str, float] = {}
-        for tag, axis, factor in (("parent", "axis", _number(each, "gearbox_ratio", 1.0)), ("child", "axis2", 1.0)):
+        for tag, axis, factor in (("parent", "axis", number_of(each, "gearbox_ratio", 1.0)), ("child", "axis2", 1.0)):
             link = self._end(entry, tag)
             about = entry.scope.place(name, each).along(self._axis(entry, each.first(axis)))
             hinges = (joint for joint in joints if joint.kind == "revolute" and {joint.parent, joint.child} == {link, body})
@@ -291,8 +291,3 @@ def _effort(axis: Markup | None) -> tuple[float, float] | None:
 
 LIMITS = {"lower": -UNLIMITED, "upper": UNLIMITED}
 """Of a joint, where the file says none."""
-
-
-def _number(inside: Markup | None, tag: str, default: float = 0.0) -> float:
-    element = inside.first(tag) if inside is not None else None
-    return default if element is None else element.content(1)[0]

@@ -42,7 +42,7 @@ def mass_of(entry: Entry) -> Mass | None:
     inertia, pose = inertial.first("inertia"), inertial.first("pose")
     if relative_of(pose):
         inertial.refuse("the pose of an <inertial> is relative to its link, and to nothing else; leave out relative_to")
-    return Mass.of(mass, (_number(inertia, *each) for each in ENTRIES.items()), pose_of(pose))
+    return Mass.of(mass, (number_of(inertia, *each) for each in ENTRIES.items()), pose_of(pose))
 
 
 def _of_shapes(entry: Entry, inertial: Markup, mass: float | None) -> Mass:
@@ -50,10 +50,10 @@ def _of_shapes(entry: Entry, inertial: Markup, mass: float | None) -> Mass:
     name, shapes = entry.element.name(), entry.element.all("collision")
     if not shapes:
         inertial.refuse(f"link {name}: its inertia is that of its collision shapes, and it has none; give it a <collision>")
-    usual = _number(inertial, "density", DEFAULT_DENSITY)
+    usual = number_of(inertial, "density", DEFAULT_DENSITY)
     total: Mass | None = None
     for each in shapes:
-        shape_mass = _of_shape(each, _number(each, "density", usual), entry).seen_from(_placed(each, entry))
+        shape_mass = _of_shape(each, number_of(each, "density", usual), entry).seen_from(_placed(each, entry))
         total = shape_mass if total is None else total.plus(shape_mass)
     assert total is not None, "no shape of several"
     if not total.mass > 0:
@@ -129,6 +129,7 @@ def look_of(visual: Markup, entry: Entry) -> Shape | Unseen:
     return shape(inside.tag, sizes_of(inside), placement, colour) if inside.tag in SIZES and inside.tag != "cone" else Unseen(inside.tag)
 
 
-def _number(inside: Markup | None, tag: str, default: float) -> float:
+def number_of(inside: Markup | None, tag: str, default: float = 0.0) -> float:
+    """The number of an element inside another one, or the default."""
     element = inside.first(tag) if inside is not None else None
     return default if element is None else element.content(1)[0]

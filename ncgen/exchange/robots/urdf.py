@@ -39,8 +39,7 @@ UNLIMITED = 1e9
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file, from its root element. Raises ModelError with file and line."""
     shapes_of = {
-        each.name(): [looked(lambda visual=visual: _look(visual, root, path), "visual") for visual in each.all("visual")]
-        for each in root.all("link")
+        each.name(): [looked(lambda visual=visual: _look(visual, root, path)) for visual in each.all("visual")] for each in root.all("link")
     }
     links = [_link(each, shapes_of[each.name()]) for each in root.all("link")]
     joints = [_joint(each) for each in root.all("joint")]

@@ -41,8 +41,9 @@ def take_out(drafts: Sequence[Program], equations: Terms) -> tuple[Program | Non
 
 def _rearranged(graph: Graph, outputs: Sequence[Sequence[int]], defaults: Sequence[float]) -> tuple[Graph, list[list[int]]]:
     """Known factors in sums of known multiples, others together, and common ones outside, as long as that leaves fewer operations."""
-    graph, new = spread(graph.ops, [node for nodes in outputs for node in nodes], len(defaults))
-    outputs = [[new[node] for node in nodes] for nodes in outputs]
+    if changes := spread(graph.ops, [node for nodes in outputs for node in nodes], len(defaults)):
+        graph, new = changes
+        outputs = [[new[node] for node in nodes] for nodes in outputs]
     least = len(graph.ops)  # of operations that are not known
     while True:
         graph, outputs = simplified(graph, outputs, defaults)

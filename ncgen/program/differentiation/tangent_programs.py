@@ -124,55 +124,27 @@ def _everything(equations: Terms) -> tuple[Term, ...]:
     return equations.rows + with_inertia(equations)
 
 
-TANGENTS = {
-    kernel.name: kernel
-    for kernel in [
-        Kernel(
-            name="stiffness",
-            inputs=("t", "q", "qd", "qdd", "lam", "p"),
-            shape="nn",
-            terms=_everything,
-            wants=BALANCE,
-            parts=_by("q", _balance),
-        ),
-        Kernel(name="damping", inputs=("t", "q", "qd", "p"), shape="nn", terms=with_inertia, wants=("force",), parts=_by("qd", _balance)),
-        Kernel(
-            name="phidd_q",
-            inputs=("t", "q", "qd", "qdd", "p"),
-            shape="mn",
-            terms=_rows,
-            wants=ACCELERATIONS,
-            parts=_by("q", _row_acceleration),
-        ),
-        Kernel(
-            name="phidd_qd", inputs=("t", "q", "qd", "p"), shape="mn", terms=_rows, wants=ACCELERATIONS, parts=_by("qd", _row_acceleration)
-        ),
-    ]
-}
+def _kernels(*entries: tuple[str, str, str, Callable[[Terms], tuple[Term, ...]], tuple[str, ...], Parts]) -> dict[str, Kernel]:
+    """{name: kernel} of what `Kernel` has, in its order; inputs with spaces between them."""
+    return {
+        name: Kernel(name=name, inputs=tuple(inputs.split()), shape=shape, terms=terms, wants=wants, parts=parts)
+        for name, inputs, shape, terms, wants, parts in entries
+    }
 
-PARAMETER_TANGENTS = {
-    kernel.name: kernel
-    for kernel in [
-        Kernel(name="phi_p", inputs=("t", "q", "p"), shape="mp", terms=_rows, wants=("phi",), parts=_by_parameters(_row)),
-        Kernel(name="phid_p", inputs=("t", "q", "qd", "p"), shape="mp", terms=_rows, wants=RATES, parts=_by_parameters(_row_rate)),
-        Kernel(
-            name="phidd_p",
-            inputs=("t", "q", "qd", "qdd", "p"),
-            shape="mp",
-            terms=_rows,
-            wants=ACCELERATIONS,
-            parts=_by_parameters(_row_acceleration),
-        ),
-        Kernel(
-            name="balance_p",
-            inputs=("t", "q", "qd", "qdd", "lam", "p"),
-            shape="np",
-            terms=_everything,
-            wants=BALANCE,
-            parts=_by_parameters(_balance),
-        ),
-    ]
-}
+
+TANGENTS = _kernels(
+    ("stiffness", "t q qd qdd lam p", "nn", _everything, BALANCE, _by("q", _balance)),
+    ("damping", "t q qd p", "nn", with_inertia, ("force",), _by("qd", _balance)),
+    ("phidd_q", "t q qd qdd p", "mn", _rows, ACCELERATIONS, _by("q", _row_acceleration)),
+    ("phidd_qd", "t q qd p", "mn", _rows, ACCELERATIONS, _by("qd", _row_acceleration)),
+)
+
+PARAMETER_TANGENTS = _kernels(
+    ("phi_p", "t q p", "mp", _rows, ("phi",), _by_parameters(_row)),
+    ("phid_p", "t q qd p", "mp", _rows, RATES, _by_parameters(_row_rate)),
+    ("phidd_p", "t q qd qdd p", "mp", _rows, ACCELERATIONS, _by_parameters(_row_acceleration)),
+    ("balance_p", "t q qd qdd lam p", "np", _everything, BALANCE, _by_parameters(_balance)),
+)
 
 
 def assemble_parameter_tangents(equations: Terms) -> TangentPrograms:

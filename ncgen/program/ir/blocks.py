@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
 from ncgen.program.ir.graph import Graph, Op
+
+AnyStore = TypeVar("AnyStore", "Store", "TableStore")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +33,10 @@ class Store:
     def table(self) -> tuple[int]:
         """Its index, as a loop that runs once would have it."""
         return (self.index,)
+
+    def of(self, node: int) -> Store:
+        """The same of another operation, in a sixth of the time of `dataclasses.replace`: long programs have tens of thousands."""
+        return _with_node(self, node)
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,16 @@ class TableStore:
     table: tuple[int, ...]
     node: int
     accumulate: bool = False
+
+    def of(self, node: int) -> TableStore:
+        """As of `Store`."""
+        return _with_node(self, node)
+
+
+def _with_node(store: AnyStore, node: int) -> AnyStore:
+    other = object.__new__(type(store))
+    vars(other).update(vars(store), node=node)
+    return other
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +175,12 @@ class Pattern:
         """Position of every nonzero in the dense matrix, row by row."""
         rows = np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
         return rows * self.shape[1] + np.array(self.indices, dtype=int)
+
+    def dense(self, values: np.ndarray) -> np.ndarray:
+        """The matrices (…, rows, columns) of values (…, nonzeros)."""
+        dense = np.zeros((*values.shape[:-1], self.shape[0] * self.shape[1]), dtype=values.dtype)
+        dense[..., self.flat] = values
+        return dense.reshape(*values.shape[:-1], *self.shape)
 
     def positions(self) -> dict[tuple[int, int], int]:
         """{(row, column): position in the values}."""

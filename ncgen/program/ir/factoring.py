@@ -51,7 +51,7 @@ def _once(block: B, parameters: int) -> B:
     shared = _shared(block) if len(block.ops) <= MAX_FACTORED_OPERATIONS else set()
     while True:
         work = _Factoring(block, shared, parameters)
-        stores = tuple([replace(s, node=work.node(s.node)) for s in block.stores])
+        stores = tuple([s.of(work.node(s.node)) for s in block.stores])
         if not work.stayed:
             names = {work.node(k): name for k, name in block.names.items() if not block.ops[k].args}
             return dead_code(replace(block, ops=tuple(work.graph.ops), stores=stores, names=names))
@@ -104,14 +104,14 @@ class _Factoring:
         if op.code == "neg":
             return arguments[0].negated()
         if op.code == "mul":
-            a, b = map(self._term, arguments)
-            return _term(a.is_negative != b.is_negative, (a.product, b.product))
+            (is_negative, a, _), (is_other_negative, b, _) = map(self._term, arguments)
+            return _term(is_negative != is_other_negative, (a, b))
         return _term(False, self.graph.copied(op, list(map(self._written, arguments))))
 
     def _held(self, number: int, form: Form) -> Form:
         """What stays unwritten of it: all in a sum, its factors in a product, nothing where others or several read it, or it is known."""
         reader = None if self._known[number] or self._count[number] != 1 else self._reader.get(number)
-        if reader in SUMS and form.size <= MAX_TERMS:
+        if reader in SUMS and (isinstance(form, SignedProduct) or form.size <= MAX_TERMS):
             return form
         term = self._term(form)
         is_shared = number in self._shared and not self._known[number]
@@ -123,9 +123,11 @@ class _Factoring:
 
     def _term(self, form: Form) -> SignedProduct:
         """A sum as one term, its common factors outside."""
-        while isinstance(form, Sum) and (factor := self._common(form)) is not None:
+        while not isinstance(form, SignedProduct):
+            if (factor := self._common(form)) is None:
+                return _term(*self._added(form))
             form = self._without(form, factor)
-        return form if isinstance(form, SignedProduct) else _term(*self._added(form))
+        return form
 
     def _without(self, form: Sum, factor: int) -> Form:
         """A sum whose terms with a factor are one, the factor times what was inside."""

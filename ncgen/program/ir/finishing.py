@@ -21,8 +21,11 @@ def finish(block: B) -> B:
 
 def _spread(block: B) -> B:
     """The block with its numbers within sums of multiples, if that leaves fewer operations."""
-    graph, new = spread(block.ops, [store.node for store in block.stores])
-    stores = tuple([replace(s, node=new[s.node]) for s in block.stores])
+    changes = spread(block.ops, [store.node for store in block.stores])
+    if changes is None:
+        return block
+    graph, new = changes
+    stores = tuple([s.of(new[s.node]) for s in block.stores])
     names = {new[k]: name for k, name in block.names.items()}
     made = dead_code(replace(block, ops=tuple(graph.ops), stores=stores, names=names))
     return made if operations(made) < operations(block) else block
@@ -31,7 +34,7 @@ def _spread(block: B) -> B:
 def _plain_differences(block: B) -> B:
     """−(a − b) becomes b − a where a − b serves nothing else."""
     count, ops = uses(block), list(block.ops)
-    for node, op in enumerate(block.ops):
-        if op.code == "neg" and block.ops[op.args[0]].code == "sub" and count[op.args[0]] == 1:
-            ops[node] = Op("sub", block.ops[op.args[0]].args[::-1])
-    return dead_code(replace(block, ops=tuple(ops)))
+    turned = [k for k, op in enumerate(ops) if op.code == "neg" and ops[op.args[0]].code == "sub" and count[op.args[0]] == 1]
+    for node in turned:
+        ops[node] = Op("sub", ops[ops[node].args[0]].args[::-1])
+    return dead_code(replace(block, ops=tuple(ops))) if turned else block

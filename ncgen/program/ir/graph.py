@@ -98,6 +98,15 @@ class Graph:
     def __init__(self) -> None:
         self.ops: list[Op] = []
         self._known: dict[tuple[str, tuple[int, ...], Leaf | str], int] = {}
+        self._folding = bytearray()  # of every operation, whether its code is in FOLDING
+
+    @classmethod
+    def of(cls, ops: Iterable[Op]) -> Graph:
+        """A graph that continues from the operations of another one, as they are."""
+        graph = cls()
+        for op in ops:
+            graph._make(*op)
+        return graph
 
     def _make(self, code: str, args: tuple[int, ...] = (), leaf: Leaf = None) -> int:
         key = (code, args, leaf.hex() if isinstance(leaf, float) else leaf)
@@ -105,6 +114,7 @@ class Graph:
         if node is None:
             node = self._known[key] = len(self.ops)
             self.ops.append(_plain(Op, (code, args, leaf)))
+            self._folding.append(code in FOLDING)
         return node
 
     def below(self, nodes: Iterable[int], ends: Container[int] = ()) -> set[int]:
@@ -145,12 +155,8 @@ class Graph:
             return self.const(-op.leaf)
         return op.args[0] if op.code == "neg" else self._make("neg", (a,))
 
-    def _folds(self, a: int, b: int) -> bool:
-        """Whether a sum or a product of two nodes may be anything but an operation on them."""
-        return self.ops[a].code in FOLDING or self.ops[b].code in FOLDING
-
     def add(self, a: int, b: int) -> int:
-        if not self._folds(a, b):
+        if not (self._folding[a] or self._folding[b]):  # then nothing but an operation on them comes out
             return self._make("add", (a, b) if a < b else (b, a))
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:
@@ -166,11 +172,11 @@ class Graph:
         return self._make("add", (min(a, b), max(a, b)))
 
     def sub(self, a: int, b: int) -> int:
+        if not (self._folding[a] or self._folding[b]):
+            return self._difference(a, b)
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:
             return self.const(x - y)
-        if a == b:
-            return self.const(0.0)
         if x == 0.0:
             return self.neg(b)
         if y == 0.0:
@@ -179,12 +185,17 @@ class Graph:
             return self.add(a, self.neg(b))
         if self.ops[a].code == "neg":
             return self.neg(self.add(self.ops[a].args[0], b))
+        return self._difference(a, b)
+
+    def _difference(self, a: int, b: int) -> int:
+        if a == b:
+            return self.const(0.0)
         if (turned := self._known.get(("sub", (b, a), None))) is not None:
             return self.neg(turned)  # exactly: of a - b and b - a one is enough
         return self._make("sub", (a, b))
 
     def mul(self, a: int, b: int) -> int:
-        if not self._folds(a, b):
+        if not (self._folding[a] or self._folding[b]):
             return self._make("mul", (a, b) if a < b else (b, a))
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -33,6 +33,8 @@ def compute(op: Op, arguments: Iterable[Any], functions: Mapping[str, Callable[.
 
 def fold_tables(loop: Loop) -> Loop:
     """Operations of a loop that depend on constants alone are computed now and become constants."""
+    if all(slot.array != "const" for slot in loop.slots):
+        return dead_code(loop)  # a graph has computed what depends on numbers
     graph = Graph()
     columns: dict[int, tuple[float, ...]] = {}  # new node -> its value in every run
     slots: list[Slot | Column] = []
@@ -74,7 +76,7 @@ def fold_tables(loop: Loop) -> Loop:
                 made.append(table(tuple(compute(op, run) for run in zip(*(columns[a] for a in arguments), strict=True)), None))
             else:
                 made.append(graph.apply(op, arguments))
-    stores = tuple(replace(s, node=made[s.node]) for s in loop.stores)
+    stores = tuple([s.of(made[s.node]) for s in loop.stores])
     return dead_code(replace(loop, ops=tuple(graph.ops), slots=tuple(slots), stores=stores, names=names))
 
 
@@ -91,12 +93,11 @@ def schedule(block: B) -> B:
     """
     depth = [0] * len(block.ops)
     for node, op in enumerate(block.ops):
-        depth[node] = 1 + max((depth[a] for a in op.args), default=0)
+        depth[node] = 1 + max([depth[a] for a in op.args], default=0)
     order: list[int] = []
-    visited: set[int] = set()
+    visited = bytearray(len(block.ops))
     for store in block.stores:
-        for node in _depth_first(block, store.node, visited, depth):
-            order.append(node)
+        _append_below(order, block.ops, store.node, visited, depth)
     return _keep(block, order)
 
 
@@ -144,22 +145,30 @@ def _reachable(block: Block) -> list[int]:
     return [node for node, lives in enumerate(alive) if lives]
 
 
-def _depth_first(block: Block, root: int, visited: set[int], depth: Sequence[int] | None = None) -> Iterator[int]:
-    """New operations below a root, arguments first, the deepest of them before the others; iterative, since graphs can be deep."""
-    stack = [(root, False)]
-    while stack:
-        node, done = stack.pop()
-        if done:
-            yield node
-        elif node not in visited:
-            visited.add(node)
-            stack.append((node, True))
-            arguments = block.ops[node].args[::-1]
-            stack.extend((a, False) for a in (sorted(arguments, key=depth.__getitem__) if depth else arguments))
+def _append_below(order: list[int], ops: Sequence[Op], root: int, visited: bytearray, depth: Sequence[int]) -> None:
+    """Append new operations below a root to an order, arguments first, the deepest of them before the others; iterative, since graphs can
+    be deep."""
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if node < 0:  # its arguments are there
+            order.append(~node)
+        elif not visited[node]:
+            visited[node] = 1
+            waiting.append(~node)
+            arguments = ops[node].args[::-1]
+            waiting += sorted(arguments, key=depth.__getitem__) if len(arguments) > 1 else arguments
+
+
+def _is_whole(block: Block, order: list[int]) -> bool:
+    """Whether all operations stay where they are, and with them all slots."""
+    return order == list(range(len(order))) and len({op.slot for op in block.ops if op.code == "slot"}) == len(block.slots)
 
 
 def _keep(block: B, order: list[int]) -> B:
     """The block with these operations only, in this order (arguments first)."""
+    if len(order) == len(block.ops) and _is_whole(block, order):
+        return block
     new = {node: k for k, node in enumerate(order)}
     ops = [block.ops[node] for node in order]
     names = {new[node]: name for node, name in block.names.items() if node in new}
@@ -169,5 +178,5 @@ def _keep(block: B, order: list[int]) -> B:
         ops = [op._replace(leaf=numbers[op.slot]) if op.code == "slot" else op for op in ops]
         block = replace(block, slots=tuple(block.slots[s] for s in used))
     renumbered = tuple([op.renumbered(new) for op in ops])
-    stores = tuple(replace(s, node=new[s.node]) for s in block.stores)
+    stores = tuple([s.of(new[s.node]) for s in block.stores])
     return replace(block, ops=renumbered, stores=stores, names=names)

@@ -15,13 +15,7 @@ from ncgen.program.ir.graph import PIECES, ArrayElement, Op
 Interval: TypeAlias = tuple[np.ndarray, np.ndarray]
 """Lower and upper bounds, of one shape; infinite where nothing is known."""
 
-SIMPLE: dict[str, Callable[..., np.ndarray]] = {
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "div": np.divide,
-    "neg": np.negative,
-}
+SIMPLE: dict[str, Callable[..., np.ndarray]] = {"add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "neg": np.negative}
 
 MONOTONE: dict[str, tuple[float, float]] = {
     "sqrt": (0.0, np.inf),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,12 @@ class TreeTables:
     counts: dict[str, int]
     indices: dict[str, list[int]]
     numbers: dict[str, list[float]]
+
+    def plain(self) -> dict[str, Any]:
+        """The tables as JSON can say them, without numbers of NumPy."""
+        indices = {name: list(map(int, values)) for name, values in self.indices.items()}
+        numbers = {name: list(map(float, values)) for name, values in self.numbers.items()}
+        return {"counts": self.counts, "indices": indices, "numbers": numbers}
 
 
 def tables_of(tree: OpenTree) -> TreeTables:

@@ -39,6 +39,9 @@ enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
  * its gap is held and friction is enough. Joints have two conditions of their load, locks none, others one. */
 enum { NCGEN_HOLDS_GAP, NCGEN_HOLDS_JOINT, NCGEN_HOLDS_RATCHET, NCGEN_HOLDS_LOCK, NCGEN_HOLDS_RUBBING_GAP, NCGEN_HOLDS_CONTACT };
 
+/* What a note says: an event happened, a gap or joint is held from now on, or is no longer, a joint slips to the other side. */
+enum { NCGEN_HAPPENS, NCGEN_RESTS, NCGEN_LEAVES, NCGEN_TURNS };
+
 /* end cdef */
 /* begin table */
 
@@ -111,9 +114,8 @@ typedef struct ncgen_events {
     ncgen_velocity_kernel *held_conditions; /* conditions, and behind them those of loads, which are positive as long as they hold */
 } ncgen_events;
 
-/* What a note says: an event happened, a gap or joint is held from now on, or is no longer, a joint slips to the other side; and how that was detected: by a condition that was watched, at
- * the start, since another event of the instant brought it about, or by a load. */
-enum { NCGEN_HAPPENS, NCGEN_RESTS, NCGEN_LEAVES, NCGEN_TURNS };
+/* How what a note says was detected: by a condition that was watched, at the start, since another event of the instant brought it about, or by a
+ * load. */
 enum { NCGEN_WATCHED, NCGEN_AT_START, NCGEN_FOLLOWS, NCGEN_BY_LOAD };
 
 /* What happened, in the order of time. */

@@ -141,6 +141,17 @@ static void write_inside(ncgen_block *r, const tableau *method, ncgen_mask lanes
     }
 }
 
+/* Those of some lanes that still run have taken a step, which ends at t_new; returns which these are. */
+static ncgen_mask take_step(ncgen_block *r, const tableau *method, ncgen_mask lanes, ncgen_real t_new)
+{
+    lanes &= r->running;
+    ncgen_block_accept(r, lanes, t_new, r->new_y, r->k[method->stages]);
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (lanes[lane])
+            r->to.steps[lane] += 1;
+    return lanes;
+}
+
 /* What follows a successful step of some lanes: rows inside it, and the new state is the present one. */
 static void accept_step(ncgen_block *r, const tableau *method, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
 {
@@ -154,11 +165,7 @@ static void accept_step(ncgen_block *r, const tableau *method, ncgen_mask lanes,
         r->q[i] = r->end_q[i];
         r->out[i] = r->end_qd[i];
     }
-    lanes &= r->running;
-    ncgen_block_accept(r, lanes, t_new, r->new_y, r->k[method->stages]);
-    for (int lane = 0; lane < NCGEN_LANES; ++lane)
-        if (lanes[lane])
-            r->to.steps[lane] += 1;
+    lanes = take_step(r, method, lanes, t_new);
     const ncgen_mask ended = lanes & (t_new >= r->to.times[r->to.n_times - 1]);
     ncgen_block_write(r, ended, r->start_q, r->start_qd, r->y[2 * r->nz]);
     ncgen_block_end(r, ended, NCGEN_OK);
@@ -238,11 +245,7 @@ static void fixed_step(ncgen_block *r, const tableau *method, ncgen_real t, ncge
 {
     ncgen_block_report_attempt(r);
     ncgen_block_fail(r, lanes & ~trial_step(r, method, t, h));
-    lanes &= r->running;
-    ncgen_block_accept(r, lanes, t_new, r->new_y, r->k[method->stages]);
-    for (int lane = 0; lane < NCGEN_LANES; ++lane)
-        if (lanes[lane])
-            r->to.steps[lane] += 1;
+    take_step(r, method, lanes, t_new);
 }
 
 /* From one row to the next where there are breaks: what is left up to the next of them is divided into equal steps. */

@@ -15,6 +15,9 @@ static const ncgen_scalar standstill = R(1.0e-9);
 /* A direction is blocked in which less than this share of its mobility is left: rounding. */
 static const ncgen_scalar least_mobility = R(1.0e-9);
 
+/* Velocities satisfy constraints that they miss by less than this share of their terms. */
+static const ncgen_scalar allowed = R(1.0e-9);
+
 int ncgen_loads_of(int kind)
 {
     return kind == NCGEN_HOLDS_JOINT ? 2 : kind != NCGEN_HOLDS_LOCK;
@@ -35,6 +38,23 @@ int ncgen_is_blocked(ncgen_scalar mobility, ncgen_scalar whole)
     return mobility <= least_mobility * whole;
 }
 
+int ncgen_is_missed(const ncgen_pattern *phi_q, const ncgen_real *values, const ncgen_real *nu, const ncgen_scalar *sizes, ncgen_scalar speed,
+    const ncgen_real *qd)
+{
+    for (int r = 0; r < phi_q->rows; ++r) {
+        ncgen_real sum = nu ? -nu[r] : 0, terms = NCGEN_ABS(sum);
+        for (int k = phi_q->indptr[r]; k < phi_q->indptr[r + 1]; ++k) {
+            const int j = phi_q->indices[k];
+            const ncgen_real now = NCGEN_ABS(qd[j]), before = speed * sizes[j];
+            sum += values[k] * qd[j];
+            terms += NCGEN_ABS(values[k]) * (now > before ? now : before);
+        }
+        if (!(NCGEN_ABS(sum) <= allowed * terms))
+            return 1;
+    }
+    return 0;
+}
+
 int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly)
 {
     return nearly ? value <= slack * size : value < -slack * size;
@@ -45,6 +65,27 @@ int ncgen_slip_of(const ncgen_active *a, int k, int slip, int side)
     if (a->wanted[k] || a->released[k])
         return a->wanted[k] ? 0 : a->released[k];
     return !slip || a->happened[k] || !a->still[k] ? side : slip;
+}
+
+int ncgen_slide_of(const ncgen_active *a, int k, int released, int moves)
+{
+    if (a->wanted[k] || !a->wanted[a->needs[k]])
+        return NCGEN_SLIDES_NOT;
+    if (a->released[k] && released)
+        return NCGEN_BEGINS;
+    return moves && !a->still[k] ? NCGEN_SLIDES_ON : NCGEN_SLIDES_AS_BEFORE;
+}
+
+int ncgen_change_of(const ncgen_active *a, int k)
+{
+    const int slips = a->kinds[k] == NCGEN_HOLDS_JOINT || a->kinds[k] == NCGEN_HOLDS_CONTACT, held = a->wanted[k];
+    if (a->kinds[k] == NCGEN_HOLDS_LOCK)
+        return 0;
+    if (held == a->before[k])
+        return slips && a->happened[k] && !held ? NCGEN_TURNS : 0;
+    if (a->needs[k] >= 0 && !a->wanted[a->needs[k]])
+        return 0; /* it leaves */
+    return held ? NCGEN_RESTS : NCGEN_LEAVES;
 }
 
 /* Whether a gap is closed and does not open, or a joint or a contact does not move. */

@@ -10,6 +10,9 @@
 /* Whether something is still; opposed: a contact that would begin to slide against others that do. */
 enum { NCGEN_MOVES, NCGEN_STILL, NCGEN_OPPOSED };
 
+/* How a contact slides: not at all; it begins to, in the direction in which it was released; in that of its velocity; in the direction so far. */
+enum { NCGEN_SLIDES_NOT, NCGEN_BEGINS, NCGEN_SLIDES_ON, NCGEN_SLIDES_AS_BEFORE };
+
 /* `count` things that may be held; 1 and 0 are yes and no. */
 typedef struct ncgen_active {
     int count;
@@ -46,6 +49,18 @@ int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift
 
 /* Can nothing move along a direction, of whose mobility with nothing held this is left? */
 int ncgen_is_blocked(ncgen_scalar mobility, ncgen_scalar whole);
+
+/* Do velocities qd miss constraints Phi_q qd = nu, whose numbers are `values`, by more than rounding of their terms, `speed` having been the largest
+ * velocity in natural sizes before? Then a lock cannot close. nu: NULL for zeros */
+int ncgen_is_missed(const ncgen_pattern *phi_q, const ncgen_real *values, const ncgen_real *nu, const ncgen_scalar *sizes, ncgen_scalar speed,
+    const ncgen_real *qd);
+
+/* How a contact slides. released: is it known in which direction it was released? moves: has it a velocity? */
+int ncgen_slide_of(const ncgen_active *active, int number, int released, int moves);
+
+/* What has become of something: NCGEN_RESTS, NCGEN_LEAVES, or NCGEN_TURNS where it slips to the other side; 0 where nothing has, or its gap says
+ * so. */
+int ncgen_change_of(const ncgen_active *active, int number);
 
 /* The direction in which a joint slips: before `slip`; side: of its velocity. */
 int ncgen_slip_of(const ncgen_active *active, int number, int slip, int side);

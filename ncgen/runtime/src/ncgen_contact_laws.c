@@ -24,11 +24,6 @@ static ncgen_contact contact_of(const ncgen_laws *l, int number)
     return ncgen_contact_of(l->places, l->coefficients, number);
 }
 
-ncgen_real ncgen_norm(int count, const ncgen_real *x)
-{
-    return NCGEN_SQRT(ncgen_dot(count, x, x));
-}
-
 static ncgen_real largest_of(int count, const ncgen_real *x)
 {
     ncgen_real most = 0;

@@ -27,8 +27,6 @@ typedef struct ncgen_laws {
 
 ncgen_contact ncgen_contact_of(const int *places, const ncgen_scalar *coefficients, int number);
 
-ncgen_real ncgen_norm(int count, const ncgen_real *x);
-
 /* So many contacts with so many velocities. */
 void ncgen_lay_out_laws(int count, int rows, const int *places, const ncgen_scalar *coefficients, const ncgen_real *G, ncgen_space *space,
     ncgen_laws *laws);

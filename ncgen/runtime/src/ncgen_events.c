@@ -7,17 +7,7 @@
 #include "ncgen_modes.h"
 #include "ncgen_rubbing.h"
 
-static int sign_of(ncgen_real x)
-{
-    return (x > 0) - (x < 0);
-}
-
 /* Instants ----------------------------------------------------------------------------------------------------- */
-
-static int find_numbers(ncgen_instant *i)
-{
-    return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
-}
 
 static ncgen_real energy(const ncgen_instant *i)
 {
@@ -63,7 +53,7 @@ static int act(ncgen_instant *i, int event)
     ncgen_copy(i->n, i->moment->qd, i->prior);
     status = act_on_locks(i, event);
     if (status == NCGEN_OK)
-        status = find_numbers(i);
+        status = ncgen_find_numbers(i);
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         const ncgen_action *a = e->actions + k;
         if (a->event != event || a->kind == NCGEN_IMPACT)
@@ -89,12 +79,7 @@ static int act(ncgen_instant *i, int event)
 
 static int is_still(const ncgen_instant *i, int k)
 {
-    const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
-    const ncgen_real *w = ncgen_gradient(i, k), drift = w[2 * i->n];
-    ncgen_real terms = 0;
-    for (int j = 0; j < i->n; ++j)
-        terms += NCGEN_ABS(w[j]) * sizes[j] * speed;
-    return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
+    return ncgen_is_still_along(i, k, 1, ncgen_speed(i, i->moment->qd));
 }
 
 static int find_loads(void *context, int projected)
@@ -155,7 +140,7 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
     int rested = 0, status = ncgen_accelerate_open(i, chain->happened, resting);
     ncgen_notes_follow(i->passage->log, 0);
     if (status == NCGEN_OK)
-        status = find_numbers(i);
+        status = ncgen_find_numbers(i);
     if (status == NCGEN_OK)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
     if (status != NCGEN_OK)
@@ -191,7 +176,7 @@ static int act_all(void *context)
 {
     ncgen_instant *i = (ncgen_instant *)context;
     const int *due = i->passage->due;
-    int hit = 0, status = find_numbers(i);
+    int hit = 0, status = ncgen_find_numbers(i);
     if (status == NCGEN_OK)
         status = ncgen_hit(i, &hit);
     for (int k = 0; k < ncgen_n_events(i) && status == NCGEN_OK; ++k)
@@ -289,23 +274,21 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
     return some || events->n_modes || events->n_holds ? happen(&i) : NCGEN_OK;
 }
 
-int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
-    ncgen_passage *passage)
+/* Look at the conditions, and mark events as ncgen_mark_events does. */
+static int mark(ncgen_instant *i, int nearly)
 {
-    ncgen_moment here = *moment;
-    ncgen_instant i;
+    const ncgen_events *events = i->events;
+    ncgen_passage *passage = i->passage;
     ncgen_entered in;
-    int some = 0, status;
-    ncgen_open_instant(&i, d, events, (ncgen_real *)p, &here, passage);
-    status = ncgen_look(&i);
-    const int watches = nearly && events->n_holds, last = nearly ? i.count : ncgen_n_events(&i);
+    int some = 0, status = ncgen_look(i);
+    const int watches = nearly && events->n_holds, last = nearly ? i->count : ncgen_n_events(i);
     if (watches)
-        ncgen_enter_held(d, events, p, passage, &in);
+        ncgen_enter_held(i->d, events, i->p, passage, &in);
     if (watches && status == NCGEN_OK)
-        status = ncgen_skip_blocked(&i, &in);
-    for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
-        const int way = watches ? passage->directions[k] : ncgen_way(events, p, k), clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
-        const int side = sign_of(i.values[2 * k]), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
+        status = ncgen_skip_blocked(i, &in);
+    for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
+        const int way = watches ? passage->directions[k] : ncgen_way(events, i->p, k), clear = !ncgen_is_closed(i, k), before = passage->signs[k];
+        const int side = ncgen_side(i, k), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
         const int now = nearly || clear ? exactly : before;
         passage->due[k] = 0;
         if (k >= last || way == NCGEN_UNWATCHED || ncgen_holds(events, passage, k))
@@ -317,10 +300,19 @@ int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const n
     }
     if (status != NCGEN_OK || !(events->n_modes || events->n_holds))
         return status == NCGEN_OK ? some : -status;
-    for (int k = 0; k < i.count && events->n_modes; ++k)
-        passage->wanted[i.count + k] = 0;
-    const int released = (events->n_holds ? ncgen_find_released : ncgen_release)(events, p, moment, nearly, passage);
+    for (int k = 0; k < i->count && events->n_modes; ++k)
+        passage->wanted[i->count + k] = 0;
+    const int released = (events->n_holds ? ncgen_find_released : ncgen_release)(events, i->p, i->moment, nearly, passage);
     return released < 0 ? released : some + released;
+}
+
+int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
+    ncgen_passage *passage)
+{
+    ncgen_moment here = *moment;
+    ncgen_instant i;
+    ncgen_open_instant(&i, d, events, (ncgen_real *)p, &here, passage);
+    return mark(&i, nearly);
 }
 
 static long events_so_far(const ncgen_events *events, const ncgen_passage *passage)
@@ -347,16 +339,14 @@ int ncgen_enter_present(const ncgen_driven *d, const ncgen_events *events, ncgen
     return status == NCGEN_OK ? ncgen_skip_blocked(&i, in) : status;
 }
 
-/* Is there an event at zero that has not happened yet, as where a motion was advanced to its very instant? */
-static int is_ahead(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
+/* Of the conditions that were just looked at: is there an event at zero that has not happened yet, as where a motion was advanced to its very
+ * instant? */
+static int is_ahead(const ncgen_instant *i)
 {
-    ncgen_instant i;
     int ahead = 0;
-    ncgen_open_instant(&i, d, events, p, moment, passage);
-    const int status = ncgen_look(&i);
-    for (int k = 0; k < ncgen_n_events(&i) && status == NCGEN_OK; ++k) {
-        const int way = ncgen_way(events, p, k), watched = way != NCGEN_UNWATCHED && !ncgen_holds(events, passage, k);
-        ahead |= watched && ncgen_is_closed(&i, k) && passage->signs[k] * way < 0;
+    for (int k = 0; k < ncgen_n_events(i); ++k) {
+        const int way = ncgen_way(i->events, i->p, k), watched = way != NCGEN_UNWATCHED && !ncgen_holds(i->events, i->passage, k);
+        ahead |= watched && ncgen_is_closed(i, k) && i->passage->signs[k] * way < 0;
     }
     return ahead;
 }
@@ -365,12 +355,14 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
-    int repeated = 0, acted;
+    int repeated = 0;
+    ncgen_instant i;
     if (*passage->stopped)
         return NCGEN_STOPPED;
-    const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
+    ncgen_open_instant(&i, d, events, p, moment, passage);
+    const int some = mark(&i, 0);
+    int acted = some || !events->n_holds || !is_ahead(&i);
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
-    acted = some > 0 || !events->n_holds || !is_ahead(d, events, p, moment, passage);
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         const ncgen_scalar from = moment->t;
         ncgen_entered in;

@@ -1,10 +1,8 @@
 /* ncgen_held.c: the mechanism with what p says is held, and the loads that hold it. */
 #include "ncgen_held.h"
 #include "ncgen_active.h"
+#include "ncgen_sliding.h"
 #include "ncgen_vectors.h"
-
-/* Loads are determined where all determinants are above this share of those without friction. */
-static const ncgen_scalar determined = R(1.0e-9);
 
 void ncgen_read_held(const ncgen_events *events, const ncgen_real *p, int *held)
 {
@@ -25,11 +23,6 @@ int ncgen_holds_others(const ncgen_events *events, const ncgen_real *p, const nc
     for (int h = 0; h < events->n_holds; ++h)
         changed |= passage->flags[h] != (p[events->holds[h].on] > 0);
     return changed;
-}
-
-static int *released_of(const ncgen_events *events, const ncgen_passage *passage)
-{
-    return passage->flags + 2 * events->n_holds;
 }
 
 int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition)
@@ -89,12 +82,12 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
 
 int ncgen_is_determined(const ncgen_events *events, const ncgen_real *pairs)
 {
-    return !events->rubs || pairs[2 * (events->count + events->n_loads - 1)] > determined;
+    return !events->rubs || ncgen_is_positive(pairs[2 * (events->count + events->n_loads - 1)], 1);
 }
 
 int ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
 {
-    int *released = released_of(events, passage);
+    int *released = ncgen_flags(events, passage, NCGEN_RELEASED);
     for (int k = 0; k < events->count; ++k)
         passage->due[k] = crossed[k];
     for (int h = 0; h < events->n_holds; ++h) {
@@ -112,7 +105,7 @@ int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const n
     int some = events->follows_loads;
     for (int h = 0; h < events->n_holds; ++h) {
         some |= p[events->holds[h].on] > 0;
-        released_of(events, passage)[h] = 0;
+        ncgen_flags(events, passage, NCGEN_RELEASED)[h] = 0;
     }
     if (!some)
         return 0;
@@ -124,7 +117,7 @@ int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const n
         for (int l = 0; p[events->holds[h].on] > 0 && l < ncgen_loads_of(events->holds[h].kind); ++l) {
             const ncgen_real *load = passage->room + 2 * (events->count + events->holds[h].load + l);
             if (ncgen_is_used_up(load[0], load[1], nearly)) {
-                released_of(events, passage)[h] = ncgen_side_of(events->holds[h].kind, l);
+                ncgen_flags(events, passage, NCGEN_RELEASED)[h] = ncgen_side_of(events->holds[h].kind, l);
                 ++some;
             }
         }

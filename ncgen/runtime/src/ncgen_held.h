@@ -23,10 +23,13 @@ static inline int ncgen_slides(const ncgen_events *events, const ncgen_real *p, 
     return rubbing->gap >= 0 && p[events->holds[rubbing->gap].on] > 0 && !(p[events->holds[rubbing->stick].on] > 0);
 }
 
-/* Of all that may be held: 1 for contacts that impacts of this instant leave sticking. */
-static inline int *ncgen_stuck(const ncgen_events *events, const ncgen_passage *passage)
+/* Flags of all that may be held: what was held before an instant, what is wanted, to which side what was released begins to move, room for six
+ * more, and 1 for contacts that impacts of this instant leave sticking. */
+enum { NCGEN_BEFORE, NCGEN_WANTED, NCGEN_RELEASED, NCGEN_ROOM, NCGEN_STUCK = NCGEN_ROOM + 6 };
+
+static inline int *ncgen_flags(const ncgen_events *events, const ncgen_passage *passage, int which)
 {
-    return passage->flags + 9 * events->n_holds;
+    return passage->flags + which * events->n_holds;
 }
 
 /* The mechanism with what p says is held; passage: NULL, or where its directions and signs stand. */

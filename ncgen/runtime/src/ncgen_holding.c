@@ -4,46 +4,13 @@
 #include "ncgen_rubbing.h"
 #include "ncgen_state.h"
 
-/* Of velocities that miss the constraints after a lock has closed. */
-static const ncgen_scalar locked = R(1.0e-9);
-
-static int *flags(const ncgen_events *events, const ncgen_passage *passage, int which)
-{
-    return passage->flags + which * events->n_holds;
-}
-
-static int *held_before(const ncgen_events *events, const ncgen_passage *passage)
-{
-    return flags(events, passage, 0);
-}
-
-static int *wanted_of(const ncgen_events *events, const ncgen_passage *passage)
-{
-    return flags(events, passage, 1);
-}
-
-static int *released_of(const ncgen_events *events, const ncgen_passage *passage)
-{
-    return flags(events, passage, 2);
-}
-
-static ncgen_real speed_of(const ncgen_instant *i, const ncgen_real *qd)
-{
-    return ncgen_largest(i->n, qd, i->d->dynamics->column_sizes);
-}
-
 /* Does a gap not change, or a joint, contact or ratchet not move, but for rounding? */
 static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
 {
-    const ncgen_scalar *sizes = i->d->dynamics->column_sizes;
-    const ncgen_real now = speed_of(i, i->moment->qd), before = speed_of(i, i->arrived), speed = now > before ? now : before;
+    const ncgen_real now = ncgen_speed(i, i->moment->qd), before = ncgen_speed(i, i->arrived), speed = now > before ? now : before;
     if (hold->kind == NCGEN_HOLDS_CONTACT)
         return ncgen_contact_is_still(i, ncgen_rubbing_of(i->events, (int)(hold - i->events->holds)), speed);
-    const ncgen_real *w = ncgen_gradient(i, hold->condition), drift = ncgen_is_gap(hold) ? w[2 * i->n] : 0;
-    ncgen_real terms = 0;
-    for (int j = 0; j < i->n; ++j)
-        terms += NCGEN_ABS(w[j]) * sizes[j] * speed;
-    return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
+    return ncgen_is_still_along(i, hold->condition, ncgen_is_gap(hold), speed);
 }
 
 int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
@@ -70,11 +37,11 @@ int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
 int ncgen_begin_instant(ncgen_instant *i)
 {
     const ncgen_events *e = i->events;
-    const int *released = released_of(e, i->passage);
+    const int *released = ncgen_flags(e, i->passage, NCGEN_RELEASED);
     int some = 0, status = NCGEN_OK;
     ncgen_read_held(e, i->p, i->passage->flags);
     for (int h = 0; h < e->n_holds; ++h) {
-        ncgen_stuck(e, i->passage)[h] = 0;
+        ncgen_flags(e, i->passage, NCGEN_STUCK)[h] = 0;
         some |= released[h] && e->holds[h].kind == NCGEN_HOLDS_CONTACT;
     }
     if (some) {
@@ -96,11 +63,6 @@ static int project(ncgen_instant *i, int positions)
     return status == NCGEN_OK ? ncgen_project_velocities(&in.driven, i->p, i->moment) : status;
 }
 
-static int find_places(ncgen_instant *i)
-{
-    return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
-}
-
 /* Do velocities miss the constraints of a mechanism, compared with a speed in natural sizes? */
 static int misses(ncgen_instant *i, const ncgen_driven *d, ncgen_real speed, int *does)
 {
@@ -108,27 +70,21 @@ static int misses(ncgen_instant *i, const ncgen_driven *d, ncgen_real speed, int
     const ncgen_pattern *pattern = &model->phi_q_pattern;
     ncgen_real *values = d->workspace, *nu = values + ncgen_nonzeros(pattern); /* which no call uses now */
     int status = model->phi_q(i->moment->t, i->moment->q, i->p, values);
-    *does = 0;
     if (status == NCGEN_OK && model->nu)
         status = model->nu(i->moment->t, i->moment->q, i->p, nu);
-    for (int r = 0; r < model->n_rows && status == NCGEN_OK; ++r) {
-        ncgen_real sum = model->nu ? -nu[r] : 0, size = NCGEN_ABS(sum) + d->dynamics->row_sizes[r] * speed;
-        for (int k = pattern->indptr[r]; k < pattern->indptr[r + 1]; ++k)
-            sum += values[k] * i->moment->qd[pattern->indices[k]];
-        *does |= !(NCGEN_ABS(sum) <= locked * size);
-    }
+    *does = status == NCGEN_OK && ncgen_is_missed(pattern, values, model->nu ? nu : NULL, d->dynamics->column_sizes, speed, i->moment->qd);
     return status;
 }
 
 int ncgen_lock(ncgen_instant *i, int h)
 {
     const ncgen_hold *hold = i->events->holds + h;
-    const ncgen_real before = speed_of(i, i->moment->qd);
+    const ncgen_real before = ncgen_speed(i, i->moment->qd);
     ncgen_entered in;
     int missed;
     if (i->p[hold->on] > 0)
         return NCGEN_OK;
-    int status = find_places(i);
+    int status = ncgen_find_numbers(i);
     if (status != NCGEN_OK)
         return status;
     i->p[hold->held] = i->numbers[hold->value];
@@ -140,18 +96,12 @@ int ncgen_lock(ncgen_instant *i, int h)
     return status == NCGEN_OK && missed ? NCGEN_MOVED : status;
 }
 
-/* The velocity of a joint. */
-static int sign_of(const ncgen_instant *i, int condition)
-{
-    return (i->values[2 * condition] > 0) - (i->values[2 * condition] < 0);
-}
-
 void ncgen_begin_slip(ncgen_instant *i)
 {
     for (int h = 0; h < i->events->n_holds; ++h) {
         const ncgen_hold *hold = i->events->holds + h;
         if (hold->kind == NCGEN_HOLDS_JOINT)
-            i->p[hold->slip] = is_still(i, hold) ? 0 : sign_of(i, hold->condition);
+            i->p[hold->slip] = is_still(i, hold) ? 0 : ncgen_side(i, hold->condition);
     }
     for (int k = 0; k < i->events->n_rubbings; ++k)
         for (int l = 0; l < i->events->rubbings[k].directions; ++l)
@@ -162,13 +112,13 @@ void ncgen_begin_slip(ncgen_instant *i)
 static int let_go(ncgen_instant *i, int was_hit)
 {
     const ncgen_events *e = i->events;
-    const int *released = released_of(e, i->passage);
+    const int *released = ncgen_flags(e, i->passage, NCGEN_RELEASED);
     int some = 0;
     for (int h = 0; h < e->n_holds; ++h)
         some |= released[h];
     if (!some || was_hit)
         return NCGEN_OK;
-    ncgen_write_held(e, held_before(e, i->passage), 0, i->p);
+    ncgen_write_held(e, ncgen_flags(e, i->passage, NCGEN_BEFORE), 0, i->p);
     const int status = project(i, 0);
     return status == NCGEN_OK ? ncgen_look(i) : status;
 }
@@ -188,7 +138,7 @@ static int write_wanted(const choice *c)
         if (c->active.wanted[h] && !c->active.before[h] && hold->held >= 0)
             i->p[hold->held] = i->numbers[hold->value];
         if (hold->kind == NCGEN_HOLDS_JOINT)
-            i->p[hold->slip] = ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], sign_of(i, hold->condition));
+            i->p[hold->slip] = ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], ncgen_side(i, hold->condition));
     }
     ncgen_write_held(i->events, c->active.wanted, 0, i->p);
     return ncgen_write_ways(i, &c->active);
@@ -277,7 +227,7 @@ int ncgen_accelerate_open(ncgen_instant *i, const int *happened, int *bounced)
 static int describe(ncgen_instant *i, const int *happened, const int *resting, int was_hit, int *marks)
 {
     const ncgen_events *e = i->events;
-    const int n = e->n_holds, *before = held_before(e, i->passage);
+    const int n = e->n_holds, *before = ncgen_flags(e, i->passage, NCGEN_BEFORE);
     int *kinds = marks, *needs = kinds + n, *has_happened = needs + n, *rests = has_happened + n, *closed = rests + n, *still = closed + n;
     int status = NCGEN_OK;
     for (int h = 0; h < n && status == NCGEN_OK; ++h) {
@@ -287,12 +237,12 @@ static int describe(ncgen_instant *i, const int *happened, const int *resting, i
         kinds[h] = hold->kind;
         needs[h] = rubbing ? rubbing->gap : -1;
         has_happened[h] = !is_lock && happened[k] && !(rubbing && rubbing->directions > 1);
-        rests[h] = !is_lock && ((is_gap && resting[k]) || (before[h] && !was_hit) || ncgen_stuck(e, i->passage)[h]);
+        rests[h] = !is_lock && ((is_gap && resting[k]) || (before[h] && !was_hit) || ncgen_flags(e, i->passage, NCGEN_STUCK)[h]);
         closed[h] = is_gap && ncgen_is_closed(i, k);
         still[h] = !is_lock && (is_still(i, hold) || (rubbing && rubbing->turn >= 0 && happened[rubbing->turn] && ncgen_is_unseen(i, rubbing)));
         int opposed = 0;
         if (rubbing && still[h] && !before[h])
-            status = ncgen_is_opposed(i, rubbing, released_of(e, i->passage), &opposed);
+            status = ncgen_is_opposed(i, rubbing, ncgen_flags(e, i->passage, NCGEN_RELEASED), &opposed);
         if (opposed)
             still[h] = NCGEN_OPPOSED;
     }
@@ -300,20 +250,14 @@ static int describe(ncgen_instant *i, const int *happened, const int *resting, i
 }
 
 /* How often joints and contacts have stuck, slipped or turned, and ratchets caught or released; qd (n): velocities before. */
-static void count(const ncgen_instant *i, const int *happened, const ncgen_real *qd)
+static void count(const ncgen_instant *i, const ncgen_active *active, const ncgen_real *qd)
 {
-    const ncgen_events *e = i->events;
-    const int *wanted = wanted_of(e, i->passage);
-    for (int h = 0; h < e->n_holds; ++h) {
-        const ncgen_hold *hold = e->holds + h;
-        const ncgen_rubbing *rubbing = ncgen_rubbing_of(e, h);
-        const int slips = rubbing ? rubbing->directions == 1 : hold->kind == NCGEN_HOLDS_JOINT;
-        const int held = wanted[h], changes = held != held_before(e, i->passage)[h];
-        const int turns = slips && happened[hold->condition] && !held && !changes;
-        const int leaves = rubbing && changes && !wanted[rubbing->gap]; /* which the gap says */
-        if (ncgen_is_lock(hold) || leaves || !(turns || changes))
+    for (int h = 0; h < active->count; ++h) {
+        const ncgen_hold *hold = i->events->holds + h;
+        const int change = ncgen_change_of(active, h);
+        if (!change)
             continue;
-        ncgen_note(i->passage->log, i->n, i->moment, hold->condition, turns ? NCGEN_TURNS : held ? NCGEN_RESTS : NCGEN_LEAVES, qd, 0, 0);
+        ncgen_note(i->passage->log, i->n, i->moment, hold->condition, change, qd, 0, 0);
         i->passage->happened[hold->condition] += !ncgen_is_gap(hold);
     }
 }
@@ -322,12 +266,13 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
 {
     const ncgen_events *e = i->events;
     const int n = e->n_holds;
-    int *wanted = wanted_of(e, i->passage), *released = released_of(e, i->passage), *marks = flags(e, i->passage, 3);
-    choice c = {i, {n, marks, marks + n, held_before(e, i->passage), marks + 2 * n, marks + 3 * n, marks + 4 * n, marks + 5 * n, wanted, released,
+    int *before = ncgen_flags(e, i->passage, NCGEN_BEFORE), *wanted = ncgen_flags(e, i->passage, NCGEN_WANTED);
+    int *released = ncgen_flags(e, i->passage, NCGEN_RELEASED), *marks = ncgen_flags(e, i->passage, NCGEN_ROOM);
+    choice c = {i, {n, marks, marks + n, before, marks + 2 * n, marks + 3 * n, marks + 4 * n, marks + 5 * n, wanted, released,
                     i->passage->room + 2 * i->n, &c, find_loads}};
     int status = let_go(i, was_hit);
     if (status == NCGEN_OK)
-        status = find_places(i);
+        status = ncgen_find_numbers(i);
     if (status != NCGEN_OK)
         return status;
     ncgen_keep_slip(i);
@@ -339,7 +284,7 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
     status = ncgen_find_active(&c.active);
     if (status != NCGEN_OK)
         return status;
-    count(i, happened, i->passage->room + i->n);
+    count(i, &c.active, i->passage->room + i->n);
     for (int h = 0; h < n; ++h)
         if (ncgen_is_gap(e->holds + h) && (released[h] || wanted[h]))
             i->passage->signs[e->holds[h].condition] = 1;

@@ -90,7 +90,7 @@ static const ncgen_real *gradient_of_row(const ncgen_instant *i, int row)
 /* Velocities of gaps and of sliding, what they are sums of, and how impulses change them. */
 static int find_responses(ncgen_instant *i, ncgen_impact *impact)
 {
-    const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
+    const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_speed(i, i->moment->qd);
     ncgen_entered in;
     ncgen_enter_held(i->d, i->events, i->p, NULL, &in); /* locks that are closed answer, too */
     for (int a = 0; a < impact->rows; ++a) {
@@ -142,7 +142,7 @@ static void note_stuck(ncgen_instant *i, const ncgen_impact *impact)
     for (int a = 0; a < impact->count; ++a) {
         const ncgen_rubbing *rubbing = rubbing_of(i, i->taking[a]);
         if (rubbing && rubbing->stick >= 0 && i->sticks[a])
-            ncgen_stuck(i->events, i->passage)[rubbing->stick] = 1;
+            ncgen_flags(i->events, i->passage, NCGEN_STUCK)[rubbing->stick] = 1;
     }
 }
 

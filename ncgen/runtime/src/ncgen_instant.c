@@ -1,5 +1,6 @@
 /* ncgen_instant.c: the room of an instant, and what conditions are at it. */
 #include "ncgen_instant.h"
+#include "ncgen_active.h"
 #include "ncgen_impulses.h"
 
 void ncgen_open_instant(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment,
@@ -58,4 +59,19 @@ int ncgen_look(ncgen_instant *i)
         derivatives[2 * i->n] = 0;
     }
     return status;
+}
+
+int ncgen_find_numbers(ncgen_instant *i)
+{
+    return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
+}
+
+int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts, ncgen_real speed)
+{
+    const ncgen_scalar *sizes = i->d->dynamics->column_sizes;
+    const ncgen_real *w = ncgen_gradient(i, condition), drift = drifts ? w[2 * i->n] : 0;
+    ncgen_real terms = 0;
+    for (int j = 0; j < i->n; ++j)
+        terms += NCGEN_ABS(w[j]) * sizes[j] * speed;
+    return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
 }

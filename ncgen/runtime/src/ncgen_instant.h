@@ -31,6 +31,18 @@ static inline int ncgen_is_closed(const ncgen_instant *i, int k)
     return ncgen_is_zero(i->values[2 * k], i->scales[k]);
 }
 
+/* The side of zero on which a condition is: 1, -1, or 0. */
+static inline int ncgen_side(const ncgen_instant *i, int k)
+{
+    return (i->values[2 * k] > 0) - (i->values[2 * k] < 0);
+}
+
+/* The greatest of velocities (n) in natural sizes. */
+static inline ncgen_real ncgen_speed(const ncgen_instant *i, const ncgen_real *qd)
+{
+    return ncgen_largest(i->n, qd, i->d->dynamics->column_sizes);
+}
+
 /* The derivatives of a condition by q and qd (n each) and t; of velocities of joints and ratchets those by qd stand first, and 0 for t. */
 static inline const ncgen_real *ncgen_gradient(const ncgen_instant *i, int k)
 {
@@ -48,6 +60,12 @@ static inline int ncgen_n_events(const ncgen_instant *i)
 {
     return i->count - i->events->n_velocities;
 }
+
+/* The numbers that actions set, and places, at the moment. */
+int ncgen_find_numbers(ncgen_instant *i);
+
+/* Does a condition, or the velocity that it is, not change but for rounding, at most this velocity in natural sizes being the greatest? */
+int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts, ncgen_real speed);
 
 /* Arrays in the workspace of the passage, and the moment's velocities before anything happens. */
 void ncgen_open_instant(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment,

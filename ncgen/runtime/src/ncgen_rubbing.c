@@ -3,16 +3,7 @@
  * The loads of contacts that slide are determined, whatever acts on them, where the determinants of all parts of them are positive: of the
  * mechanism in which only these are closed. */
 #include "ncgen_rubbing.h"
-
-enum { MOST_PARTS = 12 /* contacts of which all parts are looked at; of more only the single ones and pairs */ };
-
-/* As in ncgen/solver/events/active_constraints.py: in space a contact comes to rest at this share of the largest velocity of its slide; around
- * rest steps miss velocities by so many times what they are to see; how much longer the direction is in which one begins to slide; a velocity
- * has no digits below a share of its terms; of a fixed step, what it changes that is not seen. */
-static const ncgen_scalar rest = R(1.0e-11), unseen = R(20.0), from_rest = R(100.0), rounding_share = R(1.0e-3), of_step = R(0.1);
-
-/* The same where every step may take the whole tolerance, while friction turns the velocity the faster the smaller it is. */
-static const ncgen_scalar unseen_at_first = R(1000.0);
+#include "ncgen_sliding.h"
 
 const ncgen_rubbing *ncgen_rubbing_of(const ncgen_events *events, int hold)
 {
@@ -20,11 +11,6 @@ const ncgen_rubbing *ncgen_rubbing_of(const ncgen_events *events, int hold)
         if (events->rubbings[k].stick == hold)
             return events->rubbings + k;
     return NULL;
-}
-
-static ncgen_real norm(int count, const ncgen_real *x)
-{
-    return NCGEN_SQRT(ncgen_dot(count, x, x));
 }
 
 /* The largest change of a velocity at which a contact slides where coordinates change by so much (n). */
@@ -45,13 +31,10 @@ static ncgen_real natural_size(const ncgen_instant *i, int j)
     return i->d->dynamics->column_sizes[j];
 }
 
-/* A velocity that steps do not tell from none: of an error within the tolerances, or a part of what a fixed step changes. */
 static ncgen_real unseen_velocity(const ncgen_instant *i, int j)
 {
     const ncgen_options *o = i->d->options;
-    if (!(o->rtol > 0))
-        return of_step * o->max_step * NCGEN_ABS(i->moment->qdd[j]);
-    return o->atol * natural_size(i, j) + o->rtol * NCGEN_ABS(i->moment->qd[j]);
+    return ncgen_unseen_velocity(o->rtol, o->atol, o->max_step, natural_size(i, j), i->moment->qd[j], i->moment->qdd[j]);
 }
 
 static const ncgen_real *slip_before(const ncgen_instant *i, const ncgen_rubbing *rubbing)
@@ -62,7 +45,7 @@ static const ncgen_real *slip_before(const ncgen_instant *i, const ncgen_rubbing
 /* The largest velocity of the present slide of a contact in space that is known; 0 in the plane. */
 static ncgen_real largest_so_far(const ncgen_instant *i, const ncgen_rubbing *rubbing)
 {
-    return rubbing->directions > 1 ? norm(2, slip_before(i, rubbing)) : 0;
+    return rubbing->directions > 1 ? ncgen_norm(2, slip_before(i, rubbing)) : 0;
 }
 
 int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed)
@@ -75,7 +58,7 @@ int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing,
 
 int ncgen_is_unseen(const ncgen_instant *i, const ncgen_rubbing *rubbing)
 {
-    return norm(rubbing->directions, i->sliding + rubbing->first) <= unseen * largest_change(i, rubbing, unseen_velocity);
+    return ncgen_norm(rubbing->directions, i->sliding + rubbing->first) <= ncgen_missed_speed(largest_change(i, rubbing, unseen_velocity), 0);
 }
 
 void ncgen_keep_slip(const ncgen_instant *i)
@@ -98,8 +81,7 @@ void ncgen_keep_ways(const ncgen_instant *i, const int *which, const ncgen_real 
     }
 }
 
-/* How long the direction is in which a contact in space begins to slide whose force has this size: much longer than the velocity that friction
- * would give it over its natural size, so that it keeps the direction until it is faster than steps can follow. */
+/* How long the direction is in which a contact in space begins to slide whose force has this size. */
 static int find_beginning(ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real force, ncgen_real *length)
 {
     ncgen_real deceleration = 0;
@@ -110,25 +92,22 @@ static int find_beginning(ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_
             return status;
         deceleration = own > deceleration ? own : deceleration;
     }
-    const ncgen_real speed = from_rest * NCGEN_SQRT(deceleration * largest_change(i, rubbing, natural_size));
-    const ncgen_real missed = (i->d->options->span > 0 ? unseen : unseen_at_first) * largest_change(i, rubbing, unseen_velocity) / rest;
-    *length = speed > missed ? speed : missed;
+    const ncgen_real missed = ncgen_missed_speed(largest_change(i, rubbing, unseen_velocity), !(i->d->options->span > 0));
+    *length = ncgen_first_length(deceleration, largest_change(i, rubbing, natural_size), missed);
     return NCGEN_OK;
 }
 
-/* The largest velocity of the slide of a contact in space that moves at this speed: so much at least that rounding does not hide that it comes
- * to rest. */
+/* The largest velocity of the slide of a contact in space that moves at this speed. */
 static ncgen_real largest_of(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed)
 {
-    const ncgen_real before = largest_so_far(i, rubbing), most = ncgen_largest(i->n, i->moment->qd, i->d->dynamics->column_sizes);
-    const ncgen_real least = rounding_share * largest_change(i, rubbing, natural_size) * most, known = before > speed ? before : speed;
-    return known > least ? known : least;
+    const ncgen_real most = ncgen_speed(i, i->moment->qd);
+    return ncgen_largest_slide(largest_so_far(i, rubbing), speed, largest_change(i, rubbing, natural_size) * most);
 }
 
 /* p says in which direction a contact slides: that of a velocity or force of this size, as long as it is to be. */
 static void write_slip(const ncgen_instant *i, const ncgen_rubbing *rubbing, const ncgen_real *along, ncgen_real length)
 {
-    const ncgen_real size = norm(rubbing->directions, along);
+    const ncgen_real size = ncgen_norm(rubbing->directions, along);
     for (int l = 0; l < rubbing->directions; ++l)
         i->p[rubbing->slip[l]] = rubbing->directions > 1 ? along[l] / size * length : (along[l] > 0) - (along[l] < 0);
 }
@@ -139,7 +118,7 @@ int ncgen_is_opposed(ncgen_instant *i, const ncgen_rubbing *rubbing, const int *
     const ncgen_real *slip = slip_before(i, rubbing);
     ncgen_real product = 0;
     *opposed = 0;
-    for (int l = 0; norm(rubbing->directions, slip) > 0 && l < rubbing->directions; ++l) {
+    for (int l = 0; ncgen_norm(rubbing->directions, slip) > 0 && l < rubbing->directions; ++l) {
         const int status = ncgen_respond(i->d, i->p, i->moment, ncgen_sliding_gradient(i, rubbing->first + l), i->kept);
         if (status != NCGEN_OK)
             return status;
@@ -163,16 +142,16 @@ int ncgen_write_ways(ncgen_instant *i, const ncgen_active *active)
         const int h = rubbing->stick, n = rubbing->directions;
         if (h < 0)
             continue;
-        const ncgen_real *w = i->sliding + rubbing->first, *way = i->passage->ways + 2 * h, speed = norm(n, w), force = norm(n, way);
-        const int slides = active->wanted[rubbing->gap] && !active->wanted[h], begins = slides && active->released[h] && force > 0;
+        const ncgen_real *w = i->sliding + rubbing->first, *way = i->passage->ways + 2 * h, speed = ncgen_norm(n, w), force = ncgen_norm(n, way);
+        const int slide = ncgen_slide_of(active, h, force > 0, speed > 0);
         ncgen_real length = 1;
-        if (begins && n > 1)
+        if (slide == NCGEN_BEGINS && n > 1)
             status = find_beginning(i, rubbing, force, &length);
-        for (int l = 0; !slides && l < n; ++l)
+        for (int l = 0; slide == NCGEN_SLIDES_NOT && l < n; ++l)
             i->p[rubbing->slip[l]] = 0;
-        if (begins)
+        if (slide == NCGEN_BEGINS)
             write_slip(i, rubbing, way, length);
-        else if (slides && speed > 0 && !active->still[h])
+        else if (slide == NCGEN_SLIDES_ON)
             write_slip(i, rubbing, w, largest_of(i, rubbing, speed));
     }
     return status;
@@ -204,17 +183,6 @@ static int try_part(ncgen_instant *i, int count, const int *sliding, const int *
     return status == NCGEN_OK && !ncgen_is_determined(e, pairs) ? NCGEN_UNDETERMINED : status;
 }
 
-/* The next part; 0 where that was the last one. */
-static int take_next(int count, int *chosen)
-{
-    int k = 0;
-    for (; k < count && chosen[k]; ++k)
-        chosen[k] = 0;
-    if (k < count)
-        chosen[k] = 1;
-    return k < count;
-}
-
 int ncgen_check_parts(ncgen_instant *i, ncgen_real *pairs)
 {
     const ncgen_events *e = i->events;
@@ -228,14 +196,8 @@ int ncgen_check_parts(ncgen_instant *i, ncgen_real *pairs)
         return NCGEN_OK; /* there is one part */
     if (e->follows_loads)
         status = try_part(i, count, sliding, chosen, pairs);
-    while (status == NCGEN_OK && count <= MOST_PARTS && take_next(count, chosen))
+    while (status == NCGEN_OK && ncgen_next_part(count, chosen))
         status = try_part(i, count, sliding, chosen, pairs);
-    for (int a = 0; count > MOST_PARTS && a < count; ++a)
-        for (int b = 0; b <= a && status == NCGEN_OK; ++b) {
-            chosen[a] = chosen[b] = 1;
-            status = try_part(i, count, sliding, chosen, pairs);
-            chosen[a] = chosen[b] = 0;
-        }
     return status;
 }
 

@@ -1,25 +1,17 @@
 /* ncgen_vectors.c: see ncgen_vectors.h. */
 #include "ncgen_vectors.h"
 
-ncgen_real *ncgen_take(ncgen_space *space, int count)
-{
-    ncgen_real *part = space->base ? space->base + space->used : NULL;
-    space->used += (size_t)count;
-    return part;
-}
-
-void ncgen_copy(int count, const ncgen_real *NCGEN_RESTRICT from, ncgen_real *NCGEN_RESTRICT to)
-{
-    for (int i = 0; i < count; ++i)
-        to[i] = from[i];
-}
-
 ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b)
 {
     ncgen_real sum = 0;
     for (int i = 0; i < count; ++i)
         sum += a[i] * b[i];
     return sum;
+}
+
+ncgen_real ncgen_norm(int count, const ncgen_real *x)
+{
+    return NCGEN_SQRT(ncgen_dot(count, x, x));
 }
 
 ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *sizes)

@@ -1,22 +1,14 @@
-/* ncgen_vectors.h: numbers in a row: workspace, sums and small matrices. */
+/* ncgen_vectors.h: numbers in a row: sums and small matrices. */
 #ifndef NCGEN_VECTORS_H
 #define NCGEN_VECTORS_H
 
-#include "ncgen_math.h"
+#include "ncgen_space.h"
 
 /* A literal of the number type, with the digits of the longest type that C99 has. */
 #define R(x) ((ncgen_scalar)(x##L))
 
-/* Workspace that is dealt out; without a base it is only counted. */
-typedef struct ncgen_space {
-    ncgen_real *base;
-    size_t used;
-} ncgen_space;
-
-ncgen_real *ncgen_take(ncgen_space *space, int count);
-
-void ncgen_copy(int count, const ncgen_real *NCGEN_RESTRICT from, ncgen_real *NCGEN_RESTRICT to);
 ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b);
+ncgen_real ncgen_norm(int count, const ncgen_real *x);
 int ncgen_is_finite(int count, const ncgen_real *x);  /* is no number infinite or none at all? */
 ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *sizes); /* |x| over its size; not a number if one is not */
 int ncgen_solve_positive(int size, ncgen_real *a, ncgen_real *right); /* a by rows, lower half; both are overwritten */

@@ -169,8 +169,8 @@ class EventMotion:
         if at is None:
             return initial
         sizes = self.kernels.column_sizes
-        fastest = max(float(np.max(np.abs(o.before.qd) / sizes, initial=0.0)) for o in self.instants)
-        is_at_rest = np.max(np.abs(at.qd) / sizes, initial=0.0) <= AT_REST * fastest
+        fastest = max(o.before.speed(sizes) for o in self.instants)
+        is_at_rest = at.speed(sizes) <= AT_REST * fastest
         return Initial(p=at.p, q=at.q, t=t, qd=0 * at.qd if is_at_rest else at.qd)
 
     def _part(self, make: MakeSmooth, grid: _Grid, initial: Initial, follows: bool, mode: Kernels) -> _Part | None:

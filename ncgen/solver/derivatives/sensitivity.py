@@ -89,12 +89,7 @@ class Hessian:
 
 @takes(MotionArguments, unused=NOT_DIFFERENTIATED, integrator="rk4", rtol=None)
 def sensitivities(
-    kernels: Kernels,
-    duration: float,
-    steps: int,
-    *,
-    by: str | Iterable[str] | None = None,
-    **arguments: Unpack[MotionArguments],
+    kernels: Kernels, duration: float, steps: int, *, by: str | Iterable[str] | None = None, **arguments: Unpack[MotionArguments]
 ) -> Sensitivities:
     """Differentiate a whole motion, with derivatives carried along with it.
 

@@ -99,12 +99,7 @@ class TapedBatch:
         motions = Motions(all_coordinates(checked_compiled(self.kernels), form="emitted"), self.method, self.times)
         return motions if motions.may_run else None
 
-    def sweep(
-        self,
-        weigh: Weighed | None,
-        progress: Callable[[float], None] | None = None,
-        rows: Rows | None = None,
-    ) -> Swept:
+    def sweep(self, weigh: Weighed | None, progress: Callable[[float], None] | None = None, rows: Rows | None = None) -> Swept:
         """Run all, and go back through each with the weights that `weigh` gives, called by several threads; None: do not go back.
 
         progress: called with the share of the states that are done. What it or `weigh` raises ends the sweep

@@ -20,6 +20,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.break_times import outside_breaks
 from ncgen.mechanism.library import CompiledKernels
+from ncgen.mechanism.run_arguments import InitialState, RunInputs
 from ncgen.mechanism.sweep import DUAL_STEP, Sweep
 from ncgen.mechanism.taped import Driven, Segmented, taped
 from ncgen.solver.derivatives.jumps import Jumps
@@ -121,12 +122,12 @@ class TapedMotion:
         allowed = tolerances.in_c(kernels.column_sizes, kernels.column_sizes) if tolerances else None
         rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
         dynamics = all_coordinates(kernels, form="emitted")
-        start = begun.q, begun.qd, begun.p
-        functions = signals.functions if signals else ()
+        start = InitialState(begun.q, begun.qd, begun.p)
         self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
-        options = {"rank": rank, "tolerance": closeness("double"), "inputs": functions, "breaks": self.jumps.rows}
+        inputs = RunInputs(signals=signals.functions if signals else (), breaks=self.jumps.rows)
+        options = {"rank": rank, "tolerance": closeness("double"), "inputs": inputs}
         jumping = self.jumps if self.jumps.breaks.moved else None
-        self._run = taped(dynamics, method, outside_breaks(self.jumps.rows, times), *start, allowed, jumps=jumping, **options)
+        self._run = taped(dynamics, method, outside_breaks(self.jumps.rows, times), start, allowed, jumps=jumping, **options)
         self._check()
 
     @property

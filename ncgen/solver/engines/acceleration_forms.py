@@ -10,12 +10,9 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
-from ncgen.program.tree.table_layout import tables_of
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.open_tree import open_tree, tree_with_loops, why_no_tables
-from ncgen.solver.positions.partition import (
-    choose_partitions,
-)
+from ncgen.solver.positions.open_tree import KnownTree, known_tree, why_no_tables
+from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.choice import choose
 from ncgen.solver.runs.run import COMPILED, Form, Run
 from ncgen.symbolic.tree import spanning_tree
@@ -48,9 +45,9 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
 
     def made() -> ConstrainedDynamics:
         samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
-        tree = tree_with_loops(kernels) if form == "tree" else None
+        tree = _tree_with_loops(kernels) if form == "tree" else None
         component = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
-        return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, component)
+        return ConstrainedDynamics(kernels, number, samples_of, tree.tables if tree else None, component)
 
     return kernels.remember("constrained dynamics", (number, form), made)
 
@@ -71,17 +68,22 @@ def expected_component(model: Model, run: Run) -> Part:
 def form_of(kernels: Kernels, method: Method) -> Form:
     """What accelerations a run over all coordinates takes where nobody says: of a recursion over the tree of bodies that is emitted
     and compiled, or in loops over tables, or of the factored matrix."""
-    if _may_recur(kernels, method) and not _has_few_rates(kernels, FEW_RATES) and open_tree(kernels):
+    if _may_recur(kernels, method) and not _has_few_rates(kernels, FEW_RATES) and known_tree(kernels):
         return "tree"
     if _is_recursive(kernels, method):
         return "emitted"
-    return "tree" if _may_recur(kernels, method) and (open_tree(kernels) or _closes_loops(kernels, method)) else "dense"
+    return "tree" if _may_recur(kernels, method) and (known_tree(kernels) or _closes_loops(kernels, method)) else "dense"
 
 
 def _closes_loops(kernels: Kernels, method: Method) -> bool:
     """True for a tree with loops that moves in loops over tables: by an explicit method, since stiff ones need the degrees of freedom that
     loops leave."""
-    return not method.integrator.takes_jacobian and tree_with_loops(kernels) is not None
+    return not method.integrator.takes_jacobian and _tree_with_loops(kernels) is not None
+
+
+def _tree_with_loops(kernels: Kernels) -> KnownTree | None:
+    """Of an open tree, or of one whose loops are closed by constraints."""
+    return known_tree(kernels) or known_tree(kernels, closes_loops=True)
 
 
 def why_matrix(kernels: Kernels, method: Method) -> str:
@@ -90,7 +92,7 @@ def why_matrix(kernels: Kernels, method: Method) -> str:
         return ""
     if reason := why_no_tables(kernels):
         return f"the matrix, since {reason}"
-    return "" if open_tree(kernels) or _closes_loops(kernels, method) else "the matrix, since loops leave implicit methods no tables"
+    return "" if known_tree(kernels) or _closes_loops(kernels, method) else "the matrix, since loops leave implicit methods no tables"
 
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:

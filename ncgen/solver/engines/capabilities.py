@@ -11,9 +11,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c
-from ncgen.solver.positions.partition import (
-    Partitions,
-)
+from ncgen.solver.positions.partition import Partitions
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.run import EMITTED
 from ncgen.symbolic.tree import spanning_tree

@@ -8,19 +8,15 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.run_arguments import InitialState, Monitor
 from ncgen.methods.newmark import newmark
 from ncgen.methods.table import number_in_c
 from ncgen.solver.finite import on_the_way
+from ncgen.solver.formalisms.kkt import MAX_DENSE_UNKNOWNS
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.positions.branches import refresh_branches, rule_of
-from ncgen.solver.positions.partition import (
-    MIN_GAIN,
-    Partitions,
-    determined,
-    other_partitions,
-    quality,
-    stuck_message,
-)
+from ncgen.solver.positions.described_position import found_in_described, is_described
+from ncgen.solver.positions.partition import MIN_GAIN, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
@@ -67,7 +63,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
         # the step of a part before it has been checked.
         key = q.tobytes(), float(grid[0]), p.tobytes()
-        kernels.remember("inertia of all motions", key, lambda: bool(least_energy(kernels, q, float(grid[0]), p)), REMEMBERED)
+        kernels.remember("inertia of all motions", key, lambda: _all_have_inertia(kernels, q, float(grid[0]), p), REMEMBERED)
     settings = method.options
     in_c = settings_in_c(settings)
     if len(path.q):
@@ -75,12 +71,11 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     begun = len(path.q)
     times = grid[begun:]
     done = dynamics.simulate(
-        method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
-        **in_c,
-        rank=task.rank_at(kernels, q, times[0]), conditions=task.watched, max_step=task.step_in_c,
-        progress=Progress(task.progress, kernels.name, task.arrival), choose=rule_of(kernels),
-        movable=task.movable_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
-        first_step=task.first_step, **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
+        method.integrator.name, times, InitialState(q, qd, p), inputs=task.inputs_in_c(rule_of(kernels)),
+        monitor=Monitor(conditions=task.watched, progress=Progress(task.progress, kernels.name, task.arrival)),
+        movable=task.movable_from(begun), rank=task.rank_at(kernels, q, times[0]), formalism=number_in_c(method.formalism), **in_c,
+        tolerance=closeness(number), max_step=task.step_in_c, stop_when_stiff=int(task.stop_when_stiff), first_step=task.first_step,
+        **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
     task.looked_at(begun, done.t)
     path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
@@ -105,6 +100,16 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
             "comes to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
+
+
+def _all_have_inertia(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
+    """True. Raises SingularError where a motion that the constraints allow has no inertia."""
+
+    def find() -> bool:
+        return bool(least_energy(kernels, q, t, p))
+
+    is_kept = kernels.n + kernels.m > MAX_DENSE_UNKNOWNS and is_described(kernels, q, t, p)
+    return found_in_described(kernels, "inertia of all motions", find) if is_kept else find()
 
 
 def settings_in_c(settings: dict[str, Any]) -> dict[str, float]:
@@ -171,9 +176,10 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             progress(t)
             dynamics = _for_next(kernels, partitions, form, len(used_partitions), q, p, number)
             done = dynamics.simulate(
-                method.integrator.name, times, q, zd, p, max_step=task.step_in_c, conditions=task.watched, tolerance=closeness(number),
-                max_growth=growth, progress=progress, movable=movable, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
-                breaks=task.breaks, choose=rule_of(kernels), **_in_c(task.tolerances, kernels, partitions),
+                method.integrator.name, times, InitialState(q, zd, p), inputs=task.inputs_in_c(rule_of(kernels)),
+                monitor=Monitor(conditions=task.watched, progress=progress), movable=movable, max_step=task.step_in_c,
+                tolerance=closeness(number), max_growth=growth, stop_when_stiff=int(task.stop_when_stiff),
+                **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)

@@ -13,10 +13,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.programs import Split
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.partition import (
-    Partition,
-    Partitions,
-)
+from ncgen.solver.positions.partition import Partition, Partitions
 from ncgen.solver.positions.position import newton_position
 from ncgen.solver.positions.rank import closeness_at, trial_positions
 
@@ -47,12 +44,7 @@ def dynamics(
 
 @overload
 def dynamics(
-    kernels: Kernels,
-    partitions: Partitions,
-    form: Literal["emitted", "refined"],
-    q: np.ndarray,
-    p: np.ndarray,
-    number: str = "double",
+    kernels: Kernels, partitions: Partitions, form: Literal["emitted", "refined"], q: np.ndarray, p: np.ndarray, number: str = "double"
 ) -> EmittedDynamics: ...
 
 

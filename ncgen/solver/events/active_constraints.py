@@ -6,7 +6,6 @@ worst one first. Here states are brought onto the constraints of modes, whose lo
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -17,27 +16,17 @@ from ncgen.mechanism.active_in_c import Active, Kind, is_still
 from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.contacts import REST
+from ncgen.mechanism.sliding_in_c import first_length, largest_slide, missed_speed
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.modes import LoadConditions, forces_of, load_conditions, sliding_of
-from ncgen.solver.events.rubbing import check_determined, is_prevented, undetermined
-from ncgen.solver.events.state import State
+from ncgen.solver.events.rubbing import check_determined, undetermined
+from ncgen.solver.events.state import State, greatest_speed
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
-MISSED_SPEED_FACTOR = 20.0
-"""Around rest, where friction jumps, steps miss velocities by up to this many times what they are to see. To come to rest so much too early
-changes the motion by the square of that: friction has the same impulse in the end."""
-
-FROM_REST = 100.0
-"""How much longer."""
-
 HALT = 1e-6
 """Where no step is short enough, a contact in space comes to rest that slides with less than this share of its largest velocity."""
-
-ROUNDING = 1e-3
-"""A sliding velocity has no more than 10 digits below this share of its terms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +112,7 @@ class ActiveConstraints:
         if self.left and held and np.array_equal(before, at.qd):  # what begins to move begins with no velocity, not with one of rounding
             mode = self.functions.mode(at, [self.rows[k] for k in held])
             at = replace(at, qd=project_velocity(mode, at.q, at.qd, at.t, at.p))
-        self._before = self._speed(before)
+        self._before = greatest_speed(before, self.kernels.column_sizes)
         choice = HeldChoice(self, at, held, due, resting)
         if not choice.active.choose(choice.find_loads):
             raise ConvergenceError(
@@ -131,7 +120,7 @@ class ActiveConstraints:
             )
         start, at, released, wanted = at, choice.at, choice.directions(), choice.wanted
         self.left, self._prevented = released, self._held_by_others(wanted, at)
-        return ActiveSet(at, wanted, self._happened(start, at, held, wanted, due))
+        return ActiveSet(at, wanted, self._happened(start, choice, held, due))
 
     def _held_by_others(self, wanted: Sequence[int], at: State) -> set[int]:
         """Contacts that do not stick themselves and cannot slide: their velocities are rounding, which is not watched."""
@@ -139,7 +128,11 @@ class ActiveConstraints:
         if not any(row.sticks for row in rows):
             return set()
         mode = functions.mode(at, rows)
-        return {k for k, gap in functions.gaps.items() if gap in wanted and k not in wanted and is_prevented(functions, mode, k, at)}
+        return {k for k, gap in functions.gaps.items() if gap in wanted and k not in wanted and self._is_prevented(mode, k, at)}
+
+    def _is_prevented(self, mode: Kernels, k: int, at: State) -> bool:
+        """Whether a contact cannot slide in a mode, whatever acts on it, since others stick."""
+        return bool(np.all(is_blocked(mode, self.kernels, at, self.functions.sliding(at)[k][1])))
 
     def is_closed(self, k: int, at: State) -> bool:
         values, scales = self.functions.weighed(at)
@@ -148,7 +141,7 @@ class ActiveConstraints:
     def is_still(self, k: int, at: State) -> bool:
         """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
         sizes = self.kernels.column_sizes
-        speed = max(self._speed(at.qd), self._before)
+        speed = max(at.speed(sizes), self._before)
         if k in self.functions.moving:
             return is_still(self.functions.values(at)[0][k], np.abs(self.functions.rate_slopes(at)[k]) @ sizes * speed)
         if k in self.functions.contacts:
@@ -167,10 +160,6 @@ class ActiveConstraints:
         change = response(self.kernels, at, sliding[k][1]) @ slip
         return bool(sum(self.left[j] @ sliding[j][1] @ change for j in released) < 0)
 
-    def _speed(self, qd: np.ndarray) -> float:
-        """The greatest velocity (1/s) in natural sizes."""
-        return float(np.max(np.abs(qd) / self.kernels.column_sizes, initial=0.0))
-
     def resting(self, at: State) -> tuple[int, ...]:
         """Where no step is short enough, numbers of the turns of contacts in space that come to rest there, whose motion is not seen."""
         speeds = {number: float(np.linalg.norm(self.functions.sliding(at)[k][0])) for number, k in self.functions.turns.items()}
@@ -178,7 +167,7 @@ class ActiveConstraints:
 
     def unseen_sliding(self, k: int, at: State) -> float:
         """The greatest sliding velocity (m/s) of a contact that steps may miss around rest."""
-        return float(MISSED_SPEED_FACTOR * np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.unseen))
+        return missed_speed(np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.unseen))
 
     def _largest_so_far(self, k: int, at: State) -> float:
         """The largest velocity (m/s) of the present slide of a contact in space that is known; 0 in the plane."""
@@ -186,38 +175,31 @@ class ActiveConstraints:
         return float(np.linalg.norm(slip)) if len(slip) > 1 else 0.0
 
     def onwards(self, mode: Kernels, held: tuple[int, ...], k: int, at: State) -> np.ndarray:
-        """The direction in which a contact begins to slide that its friction cannot hold; in space much longer than the velocity (m/s)
-        that friction would give it over its natural size, so that it keeps the direction until it is faster than steps can follow."""
+        """The direction in which a contact begins to slide that its friction cannot hold; in space as long as C says."""
         force, slopes = forces_of(mode, tuple(self.rows[each] for each in held), held.index(k), at), self.functions.sliding(at)[k][1]
         size = float(np.linalg.norm(force))
         if len(force) == 1 or not size:
             return np.sign(-force)
         deceleration = float(np.max(np.einsum("kn,nk->k", slopes, response(self.kernels, at, slopes)))) * size
-        speed = math.sqrt(deceleration * np.max(np.abs(slopes) @ self.kernels.column_sizes))
-        return -force / size * max(FROM_REST * speed, self.unseen_sliding(k, at) / REST)
+        natural_size = np.max(np.abs(slopes) @ self.kernels.column_sizes)
+        return -force / size * first_length(deceleration, natural_size, self.unseen_sliding(k, at))
 
     def largest(self, k: int, at: State, velocity: np.ndarray) -> float:
-        """The largest velocity (m/s) of the slide of a contact in space that is known. It is so much at least that rounding
-        does not hide that it comes to rest."""
-        terms = float(np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.kernels.column_sizes)) * self._speed(at.qd)
-        return max(self._largest_so_far(k, at), float(np.linalg.norm(velocity)), ROUNDING * terms)
+        """The largest velocity (m/s) of the slide of a contact in space that is known."""
+        sizes = self.kernels.column_sizes
+        terms = float(np.max(np.abs(self.functions.sliding(at)[k][1]) @ sizes)) * at.speed(sizes)
+        return largest_slide(self._largest_so_far(k, at), float(np.linalg.norm(velocity)), terms)
 
-    def _happened(
-        self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]
-    ) -> list[Happening]:
-        """What became held, or free; a joint or contact whose slip only turns round has done both."""
-        happened = []
-        for k, row in self.rows.items():
+    def _happened(self, start: State, choice: HeldChoice, before: tuple[int, ...], due: dict[int, Search]) -> list[Happening]:
+        """What became held, or free, or slips to the other side."""
+        happened, at = [], choice.at
+        for number, (k, row) in enumerate(self.rows.items()):
+            if (change := choice.active.change(number)) is None:
+                continue
             slips = k in self.functions.frictions or row.sticks
-            words = JOINTS if slips else RATCHETS if k in self.functions.ratchets else GAPS
-            change = words[0] if k in after and k not in before else words[1] if k in before and k not in after else ""
-            if row.sticks and change == JOINTS[1] and self.functions.gaps[k] not in after:
-                change = ""  # it leaves
-            if slips and not change and k in due and k not in after and len(row.rows) == 1:
-                change = JOINTS[2]
-            if change:
-                search: Search = due.get(k, "sampled" if k in before else "action")
-                happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, transition=change))
+            word = (JOINTS if slips else RATCHETS if k in self.functions.ratchets else GAPS)[change]
+            search: Search = due.get(k, "sampled" if k in before else "action")
+            happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, transition=word))
         return happened
 
     def place(self, name: str) -> int:
@@ -275,7 +257,7 @@ class HeldChoice:
         rows = tuple(owner.rows[k] for k in wanted)
         if wanted != self._tried or self._mode is None:
             self._release(wanted)
-            self.at = replace(self.at, p=self._slipping(wanted))
+            self.at = replace(self.at, p=self._slipping())
             kernels = owner.functions.mode(self.at, rows)
             self._tried, self._mode = wanted, (kernels, load_conditions(owner.functions, kernels, rows))
         (kernels, loads), at = self._mode, self.at
@@ -316,20 +298,23 @@ class HeldChoice:
         change = response(self.owner.kernels, at, slopes)
         return replace(at, q=at.q + change @ np.linalg.pinv(slopes @ change, rcond=1e-12) @ -values)
 
-    def _slipping(self, wanted: tuple[int, ...]) -> np.ndarray:
+    def _slipping(self) -> np.ndarray:
         """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
         owner, functions, at, p = self.owner, self.owner.functions, self._start, self.at.p.copy()
         values, sliding, released = functions.values(at)[0], functions.sliding(at), self.directions()
+        numbers = {k: number for number, k in enumerate(self._numbers)}
         for k, friction in functions.frictions.items():
             index = owner.place(friction.slip)
-            p[index] = self.active.slip(self._numbers.index(k), p[index], np.sign(values[k]))
+            p[index] = self.active.slip(numbers[k], p[index], np.sign(values[k]))
         for k, contact in functions.contacts.items():
             indices, velocity = [owner.place(name) for name in contact.slip], sliding[k][0]
-            if k in wanted or functions.gaps[k] not in wanted:
+            known, moves = bool(np.any(released.get(k, 0.0))), bool(np.any(velocity))
+            slide = self.active.slide(numbers[k], known, moves) if k in numbers else "NCGEN_SLIDES_NOT"
+            if slide == "NCGEN_SLIDES_NOT":
                 p[indices] = 0.0
-            elif k in released:
+            elif slide == "NCGEN_BEGINS":
                 p[indices] = released[k]
-            elif np.any(velocity) and not self.active.still[self._numbers.index(k)]:
+            elif slide == "NCGEN_SLIDES_ON":
                 length = owner.largest(k, self._start, velocity) if len(velocity) > 1 else 1.0
                 p[indices] = velocity / np.linalg.norm(velocity) * length
         return p

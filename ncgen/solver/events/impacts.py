@@ -58,7 +58,7 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     """
     W, drift, blows = rows_of(gaps)
     positions, sizes = [blow.gap for blow in blows], kernels.column_sizes
-    terms = np.abs(W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(drift)
+    terms = np.abs(W) @ sizes * at.speed(sizes) + np.abs(drift)
     responses = response(kernels, at, W)
     energy = float(kernels.energy(at.q, at.qd, at.t, at.p)[0])
     solved = impact(W @ responses, W @ at.qd + drift, blows, LAWS[next(iter(orders))] if len(orders) == 1 else LAWS[""], terms, energy)

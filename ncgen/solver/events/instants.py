@@ -10,6 +10,7 @@ from itertools import count
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, shown
+from ncgen.mechanism.active_in_c import is_missed
 from ncgen.mechanism.chain_in_c import Chain, is_zero
 from ncgen.mechanism.impacts_in_c import set_rates
 from ncgen.mechanism.kernels import Kernels
@@ -19,15 +20,12 @@ from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gap, Hit, hit_gaps
 from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.state import Done, State
-from ncgen.solver.formalisms.projection import project_velocity, velocity_residual
+from ncgen.solver.formalisms.projection import project_velocity
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
 
 JUMP = 1e-8
 """A constraint with other parameters is satisfied where it misses less than this share of its size: rounding, which a run projects away."""
-
-LOCKED = 1e-9
-"""The largest share of its terms by which a velocity may miss the constraints after a lock has closed."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -116,7 +114,8 @@ class Instant:
         self.at = at = replace(at, p=p, locked=locked)
         mode = functions.mode(at)
         qd = project_velocity(mode, at.q, at.qd, at.t, at.p)
-        if not velocity_residual(mode, at.q, qd, at.qd, at.t, at.p) <= LOCKED:
+        sizes = self.kernels.column_sizes
+        if is_missed(mode.phi_q(at.q, at.t, at.p), mode.nu(at.q, at.t, at.p), sizes, start.speed(sizes), qd):
             raise ModelError(
                 f"{self.kernels.name}: {', '.join(new)} cannot be locked at t = {at.t:.6g} s, since drivers or other locks move it; "
                 "free these first"

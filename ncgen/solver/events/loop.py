@@ -12,6 +12,7 @@ from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.chain_in_c import is_at_rest, is_zero, time_of_bounces
 from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.sliding_in_c import unseen_velocities
 from ncgen.solver.events.active_constraints import ActiveConstraints
 from ncgen.solver.events.conditions import VALUE_ROUNDING, EventFunctions
 from ncgen.solver.events.instants import Instant
@@ -131,8 +132,16 @@ class EventLoop:
     def _see(self, task: Task, segment: Path | None = None) -> None:
         """Note which velocities steps do not tell from none: all of them where no step was short enough."""
         if self.functions.turns:
-            is_blind, qd, sizes = segment is not None and segment.halted, self.at.qd, self.kernels.column_sizes
-            self.active_constraints.unseen = np.abs(qd) if is_blind else task.unseen(sizes, qd, self._accelerations())
+            is_blind, qd = segment is not None and segment.halted, self.at.qd
+            self.active_constraints.unseen = np.abs(qd) if is_blind else self._unseen(task)
+
+    def _unseen(self, task: Task) -> np.ndarray:
+        """Velocities (n,) that the steps of a task do not tell from none."""
+        step, allowed, sizes = task.step, task.tolerances, self.kernels.column_sizes
+        tolerances = (0.0, 0.0) if step is not None else (allowed.rtol, allowed.atol)
+        return unseen_velocities(
+            tolerances, step or 0.0, sizes if allowed.natural else np.ones_like(sizes), self.at.qd, self._accelerations()
+        )
 
     def _comes_to_rest(self, segment: Path) -> bool:
         """Whether steps became too short where contacts in space come to rest, so that friction has no direction; ends the part there."""

@@ -11,12 +11,13 @@ all minors, which have to be positive for both signs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain, combinations, product
+from itertools import product
 
 import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.sliding_in_c import is_positive, parts
 from ncgen.model.expressions import symbols_in
 from ncgen.model.values import Scalar
 from ncgen.program.motions.sliding import BEGINNING, Sliding
@@ -27,14 +28,8 @@ from ncgen.solver.formalisms.instant import instant
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.positions.rank import null_space, scaled_jacobian
 
-MOST_SLIDING = 12
-"""Contacts that slide at one time whose 2¹² minors are all computed; of more only the single ones and pairs."""
-
 SHARED = 1e-6
 """A constraint shares its load with others if it takes more than this part in loads that cancel each other."""
-
-POSITIVE = 1e-9
-"""A minor is positive that is above this share of that without friction."""
 
 
 def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...], at: State) -> None:
@@ -49,14 +44,13 @@ def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[He
     by_friction, plain = _responses(functions, kernels, sliding, at)
     joints = [k for k, each in enumerate(sliding) if each.is_joint]
     contacts = [k for k, each in enumerate(sliding) if not each.is_joint]
-    sizes = range(0 if joints else 1, (len(contacts) if len(contacts) <= MOST_SLIDING else 2) + 1)
-    for signs in product(*[(1.0, -1.0) if each.is_joint else (1.0,) for each in sliding]):
-        A = plain @ (np.eye(len(sliding)) - by_friction * signs)
-        for some in chain.from_iterable(combinations(contacts, size) for size in sizes):
-            chosen = [*some, *joints]
-            block = np.ix_(chosen, chosen)
-            if not np.linalg.det(A[block]) > POSITIVE * abs(np.linalg.det(plain[block])):
-                raise undetermined(functions, [sliding[k] for k in chosen], at)
+    signs = [*product(*[(1.0, -1.0) if each.is_joint else (1.0,) for each in sliding])]
+    for closed in (*([()] if joints else []), *parts(len(contacts))):
+        chosen = [*(contacts[k] for k in closed), *joints]
+        block = np.ix_(chosen, chosen)
+        whole = float(np.linalg.det(plain[block]))
+        if not all(is_positive(np.linalg.det((plain @ (np.eye(len(sliding)) - by_friction * each))[block]), whole) for each in signs):
+            raise undetermined(functions, [sliding[k] for k in chosen], at)
 
 
 def _check_root(functions: EventFunctions, kernels: Kernels, sliding: Sequence[Sliding], at: State) -> None:
@@ -65,7 +59,7 @@ def _check_root(functions: EventFunctions, kernels: Kernels, sliding: Sequence[S
     now, rows = instant(kernels, at.q, at.qd, at.t, at.p), [sliding[0].row, sliding[0].across]
     forces = _friction(functions, sliding[0], at)[:, None] * kernels.column_sizes[:, None] / now.unit
     made = KKT(now.mass, now.jacobian, kernels).solve(forces, np.zeros((kernels.m, 1)))[1][rows, 0]
-    if not np.sum((now.unit / kernels.row_sizes[rows] * made) ** 2) < 1 - POSITIVE:
+    if not is_positive(1 - np.sum((now.unit / kernels.row_sizes[rows] * made) ** 2)):
         raise undetermined(functions, sliding, at)
 
 
@@ -94,13 +88,6 @@ def _responses(functions: EventFunctions, kernels: Kernels, sliding: Sequence[Sl
     by_motion = -scale * matrix.solve(zero(forces), units)[1][rows]  # loads for an acceleration of 1 m/s² of each gap
     by_friction = -scale * matrix.solve(kernels.column_sizes[:, None] * forces / now.unit, zero(units))[1][rows]
     return by_friction, np.linalg.inv(by_motion)
-
-
-def is_prevented(functions: EventFunctions, kernels: Kernels, k: int, at: State) -> bool:
-    """Whether a contact cannot slide whatever acts on it, since others stick. kernels: of the mode"""
-    now, slopes = instant(kernels, at.q, at.qd, at.t, at.p), functions.sliding(at)[k][1] * kernels.column_sizes
-    motion, _ = KKT(now.mass, now.jacobian, kernels).solve(slopes.T, np.zeros((kernels.m, len(slopes))))
-    return bool(np.max(np.abs(slopes @ motion)) <= POSITIVE * np.max(np.sum(slopes**2, axis=1)))
 
 
 def _friction(functions: EventFunctions, sliding: Sliding, at: State) -> np.ndarray:

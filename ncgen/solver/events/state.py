@@ -19,6 +19,15 @@ class State:
     p: np.ndarray
     locked: tuple[str, ...] = ()
 
+    def speed(self, sizes: np.ndarray) -> float:
+        """The greatest velocity (1/s) in natural sizes (n,)."""
+        return greatest_speed(self.qd, sizes)
+
+
+def greatest_speed(qd: np.ndarray, sizes: np.ndarray) -> float:
+    """The greatest of velocities (n,), in natural sizes (n,) per second."""
+    return float(np.max(np.abs(qd) / sizes, initial=0.0))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Done:

@@ -74,14 +74,6 @@ def project_velocity(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float =
     return qd + sizes * least_energy(kernels, q, t, p).solve(np.zeros(kernels.n), rest)[0]
 
 
-def velocity_residual(kernels: Kernels, q: np.ndarray, qd: np.ndarray, before: np.ndarray, t: float, p: np.ndarray) -> float:
-    """By what share of its terms a velocity misses Φ_q q̇ = ν at most, or of the greatest one before (n,), of which rounding may be left."""
-    jacobian, nu = sparse_jacobian(kernels, q, t, p), kernels.nu(q, t, p) / kernels.row_sizes
-    speeds = qd / kernels.column_sizes
-    terms = abs(jacobian) @ np.maximum(np.abs(speeds), np.max(np.abs(before / kernels.column_sizes), initial=0.0)) + np.abs(nu)
-    return float(np.max(np.abs(jacobian @ speeds - nu) / np.where(terms > 0, terms, 1.0), initial=0.0))
-
-
 def least_energy(
     kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None, held: scipy.sparse.csr_array | None = None
 ) -> KKT:

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import SingularError
 from ncgen.mechanism.program_functions import ProgramFunctions
+from ncgen.mechanism.shared_docstrings import shares
 from ncgen.solver import argument_checks
 from ncgen.solver.joints import identification
 from ncgen.solver.joints.joint_kinematics import JointKinematics
+from ncgen.solver.joints.joint_positions import ARGUMENTS
 
-if TYPE_CHECKING:
-    pass
-
-SLOPES = {
-    "joint_inverse_tangent": ("t", "q", "v", "a", "p", "dx", "dv"),
-    "joint_loads_tangent": ("t", "q", "v", "p", "dx", "dv"),
-}
+SLOPES = {"joint_inverse_tangent": ("t", "q", "v", "a", "p", "dx", "dv"), "joint_loads_tangent": ("t", "q", "v", "p", "dx", "dv")}
 """The programs of derivatives, and what they take."""
 
 
@@ -40,6 +36,7 @@ class ForwardDerivatives(NamedTuple):
     force: np.ndarray
 
 
+@shares(**ARGUMENTS)
 class JointDynamics(JointKinematics):
     """Momentum, energy, forces and accelerations: what `JointSpace` answers about loads."""
 
@@ -50,13 +47,6 @@ class JointDynamics(JointKinematics):
 
         Rotors (`m.rotor`) have no share in it.
 
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        about : array_like, optional
-            Point (3,) in m; None for the centre of mass, which gives the centroidal momentum matrix.
-
         Returns
         -------
         numpy.ndarray
@@ -66,15 +56,6 @@ class JointDynamics(JointKinematics):
 
     def momentum(self, q: ArrayLike, v: ArrayLike, about: ArrayLike | None = None) -> np.ndarray:
         """Compute the momentum of all bodies.
-
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like
-            Rates of the joints, shape (…, n); None for zero.
-        about : array_like, optional
-            Point (3,) in m; None for the centre of mass, which gives the centroidal momentum matrix.
 
         Returns
         -------
@@ -88,13 +69,6 @@ class JointDynamics(JointKinematics):
     def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
         """Compute the kinetic energy, rotors included.
 
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like
-            Rates of the joints, shape (…, n); None for zero.
-
         Returns
         -------
         numpy.ndarray
@@ -104,11 +78,6 @@ class JointDynamics(JointKinematics):
 
     def potential_energy(self, q: ArrayLike) -> np.ndarray:
         """Compute the potential energy of weights, springs and other forces with a potential.
-
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
 
         Returns
         -------
@@ -130,11 +99,6 @@ class JointDynamics(JointKinematics):
     def mass_matrix(self, q: ArrayLike) -> np.ndarray:
         """Compute the mass matrix of the joints (CRBA).
 
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-
         Returns
         -------
         numpy.ndarray
@@ -151,15 +115,6 @@ class JointDynamics(JointKinematics):
 
         Springs, dampers and other forces of the model are not included: see `loads`.
 
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like, optional
-            Rates of the joints, shape (…, n); None for zero.
-        a : array_like, optional
-            Accelerations of the joints, shape (…, n); None for zero.
-
         Returns
         -------
         numpy.ndarray
@@ -169,11 +124,6 @@ class JointDynamics(JointKinematics):
 
     def gravity(self, q: ArrayLike) -> np.ndarray:
         """Compute the forces along the joints that hold the mechanism against gravity.
-
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
 
         Returns
         -------
@@ -185,13 +135,6 @@ class JointDynamics(JointKinematics):
     def coriolis(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
         """Compute the Coriolis and centrifugal forces along the joints.
 
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like
-            Rates of the joints, shape (…, n); None for zero.
-
         Returns
         -------
         numpy.ndarray
@@ -202,15 +145,6 @@ class JointDynamics(JointKinematics):
     def loads(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
         """Compute what springs, dampers and other forces of the model do along the joints.
 
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like, optional
-            Rates of the joints, shape (…, n); None for zero.
-        t : float, optional
-            Time (s).
-
         Returns
         -------
         numpy.ndarray
@@ -220,17 +154,6 @@ class JointDynamics(JointKinematics):
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
         """Compute the accelerations of the joints.
-
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like, optional
-            Rates of the joints, shape (…, n); None for zero.
-        forces : array_like, optional
-            Forces along the joints in addition to those of the model, shape (…, n); None for zero.
-        t : float, optional
-            Time (s).
 
         Returns
         -------
@@ -262,15 +185,6 @@ class JointDynamics(JointKinematics):
         """Compute the regressor Y with Y π = `inverse_dynamics`, without rotors.
 
         π are the inertial parameters of the bodies; `inertial_names` has their names in order.
-
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like, optional
-            Rates of the joints, shape (…, n); None for zero.
-        a : array_like, optional
-            Accelerations of the joints, shape (…, n); None for zero.
 
         Returns
         -------
@@ -319,15 +233,6 @@ class JointDynamics(JointKinematics):
 
         That by a position is along the motion of a joint at rate 1; rates and accelerations keep their numbers.
 
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like, optional
-            Rates of the joints, shape (…, n); None for zero.
-        a : array_like, optional
-            Accelerations of the joints, shape (…, n); None for zero.
-
         Returns
         -------
         InverseDerivatives
@@ -342,17 +247,6 @@ class JointDynamics(JointKinematics):
         """Compute the exact derivatives of `forward_dynamics`, the model's own forces included.
 
         Positions are as for `inverse_dynamics_derivatives`.
-
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like, optional
-            Rates of the joints, shape (…, n); None for zero.
-        forces : array_like, optional
-            Forces along the joints in addition to those of the model, shape (…, n); None for zero.
-        t : float, optional
-            Time (s).
 
         Returns
         -------

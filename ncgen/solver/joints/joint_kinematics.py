@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
 from ncgen.files import argument_was
+from ncgen.mechanism.shared_docstrings import shares
 from ncgen.model.elements import Point
 from ncgen.solver import argument_checks
 from ncgen.solver.frames import transformation
 from ncgen.solver.joints.joint_names import carried, refuse_thin
-from ncgen.solver.joints.joint_positions import JointPositions
+from ncgen.solver.joints.joint_positions import ARGUMENTS, JointPositions
 from ncgen.solver.joints.link_frames import LinkFrame
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ FRAMES = ("global", "local", "spatial")
 """In which axes a Jacobian may be given."""
 
 
+@shares(**ARGUMENTS)
 class JointKinematics(JointPositions):
     """Positions, velocities and Jacobians: what `JointSpace` answers without forces."""
 
@@ -75,11 +77,6 @@ class JointKinematics(JointPositions):
     def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
         """Compute the centre of mass of all bodies that move.
 
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-
         Returns
         -------
         numpy.ndarray
@@ -103,11 +100,6 @@ class JointKinematics(JointPositions):
     def screws(self, q: ArrayLike) -> np.ndarray:
         """Compute the screw of every rate of the tree of bodies.
 
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-
         Returns
         -------
         numpy.ndarray
@@ -119,13 +111,6 @@ class JointKinematics(JointPositions):
 
     def velocities(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
         """Compute the velocities of all natural coordinates from those of the joints.
-
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
-        v : array_like
-            Rates of the joints, shape (…, n); None for zero.
 
         Returns
         -------
@@ -154,8 +139,6 @@ class JointKinematics(JointPositions):
         ----------
         point : str
             Name of a point of the model.
-        q : array_like
-            Natural coordinates, shape (…, n_q).
         body : str, optional
             The body of the point; by default that nearest to the ground.
         frame : {"global", "local", "spatial"}, optional
@@ -203,11 +186,6 @@ class JointKinematics(JointPositions):
 
     def centre_of_mass_jacobian(self, q: ArrayLike) -> np.ndarray:
         """Compute the Jacobian of the centre of mass.
-
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
 
         Returns
         -------

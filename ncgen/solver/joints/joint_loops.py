@@ -17,6 +17,7 @@ from ncgen.errors import ConvergenceError, ModelError, NcgenError
 from ncgen.mechanism import recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.program_functions import ProgramFunctions
+from ncgen.mechanism.shared_docstrings import shares
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_programs import Made
@@ -52,6 +53,7 @@ MAX_CACHED_STARTS = 16
 """Parameters for which the start with loops closed is kept."""
 
 
+@shares()
 class JointsInLoops(JointSpace):
     """Joints that hold each other. why: that they are no open tree, for messages."""
 
@@ -73,18 +75,6 @@ class JointsInLoops(JointSpace):
             raise ModelError(f"{kernels.name}: every joint is locked by loops or drivers; joint space is undefined")
 
     def placed(self, x: np.ndarray) -> np.ndarray:
-        """Compute natural coordinates from values of all joints.
-
-        Parameters
-        ----------
-        x : numpy.ndarray
-            Values of all joints in their order, shape (…, n).
-
-        Returns
-        -------
-        numpy.ndarray
-            Natural coordinates, shape (…, n_q).
-        """
         x = self._checked(x, self.n, "x", "rates")
         positions = [self.closed(one)[1] for one in x.reshape(-1, self.n)]
         return np.array(positions).reshape(*x.shape[:-1], self.kernels.n)
@@ -192,18 +182,6 @@ class JointsInLoops(JointSpace):
         return json.loads(recall.derived(self.kernels.programs, "layout of joints in loops", layout_text)["layout"])
 
     def made(self, group: Made) -> dict[str, Program]:
-        """Assemble the programs.
-
-        Parameters
-        ----------
-        group : str
-            Which group of programs.
-
-        Returns
-        -------
-        dict of str to Program
-            The programs by name.
-        """
         return self._work.programs(group)
 
     @cached_property

@@ -6,7 +6,7 @@ import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,15 +14,13 @@ from numpy.typing import ArrayLike
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.program_functions import ProgramFunctions, functions
+from ncgen.mechanism.shared_docstrings import shares
 from ncgen.model.elements import Component, Point, Spatial
 from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_programs import Made
 from ncgen.solver import argument_checks, geometry
 from ncgen.symbolic.tree import Tree, moving
-
-if TYPE_CHECKING:
-    pass
 
 INPUTS = {
     "joint_position": ("t", "x", "p"),
@@ -35,6 +33,18 @@ INPUTS = {
 """The programs of `ncgen.program.tree.joint_programs`, and what they take."""
 
 
+ARGUMENTS = {
+    "q": "array_like\nNatural coordinates, shape (…, n_q).",
+    "v": "array_like\nRates of the joints, shape (…, n); None for zero.",
+    "a": "array_like\nAccelerations of the joints, shape (…, n); None for zero.",
+    "t": "float\nTime (s).",
+    "forces": "array_like\nForces along the joints in addition to those of the model, shape (…, n); None for zero.",
+    "about": "array_like\nPoint (3,) in m; None for the centre of mass, which gives the centroidal momentum matrix.",
+}
+"""What the arguments of a joint space are, of methods that do not say otherwise."""
+
+
+@shares(**ARGUMENTS)
 class JointPositions(ABC):
     """A tree of bodies with values of its joints, and natural coordinates from them."""
 
@@ -135,11 +145,6 @@ class JointPositions(ABC):
 
     def values(self, q: ArrayLike) -> np.ndarray:
         """Return the values of the joints that have a coordinate.
-
-        Parameters
-        ----------
-        q : array_like
-            Natural coordinates, shape (…, n_q).
 
         Returns
         -------

@@ -11,21 +11,18 @@ Source: Featherstone, Rigid Body Dynamics Algorithms (2008); natural coordinates
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.shared_docstrings import shares
 from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_programs import Made, assemble_joint_space
 from ncgen.solver import argument_checks
 from ncgen.solver.joints.joint_dynamics import JointDynamics
 from ncgen.solver.joints.joint_names import followed_by, names_of
 from ncgen.symbolic.tree import Tree, spanning_tree
-
-if TYPE_CHECKING:
-    pass
 
 
 def joint_space(kernels: Kernels, p: argument_checks.ArrayOrNamed | None = None) -> JointSpace:
@@ -79,6 +76,7 @@ class JointSpace(JointDynamics):
     """
 
 
+@shares()
 class JointsOfTree(JointSpace):
     """Of an open tree: every joint moves by itself.
 
@@ -92,18 +90,6 @@ class JointsOfTree(JointSpace):
         super().__init__(kernels, tree, names_of(kernels, tree, followed))
 
     def placed(self, x: np.ndarray) -> np.ndarray:
-        """Compute natural coordinates from values of all joints.
-
-        Parameters
-        ----------
-        x : numpy.ndarray
-            Values of all joints in their order, shape (…, n).
-
-        Returns
-        -------
-        numpy.ndarray
-            Natural coordinates, shape (…, n_q).
-        """
         return self._functions("joint_position", 0.0, self._over_rates(x, "x"), self.p)
 
     def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -116,16 +102,4 @@ class JointsOfTree(JointSpace):
         return {c: k for c, (k, _) in self.followed.items()}
 
     def made(self, group: Made) -> dict[str, Program]:
-        """Assemble the programs.
-
-        Parameters
-        ----------
-        group : str
-            Which group of programs.
-
-        Returns
-        -------
-        dict of str to Program
-            The programs by name.
-        """
         return assemble_joint_space(self.kernels.programs.equations, self.followed, group)

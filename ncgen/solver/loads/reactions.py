@@ -206,13 +206,7 @@ def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reacti
     unique = find_shared(run, shares, felt)
     tooth_meshes, couples = meshes(run, pressure_angle)
     return Reactions(
-        run=run,
-        loads=loads,
-        determinate=unique.unique,
-        shared=unique.shared,
-        changes=unique.changes,
-        meshes=tooth_meshes,
-        couples=couples,
+        run=run, loads=loads, determinate=unique.unique, shared=unique.shared, changes=unique.changes, meshes=tooth_meshes, couples=couples
     )
 
 

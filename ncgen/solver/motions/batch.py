@@ -14,6 +14,7 @@ from ncgen.errors import ModelError, NcgenError, warn
 from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.model.argument_readers import truth
@@ -276,8 +277,8 @@ def _in_lanes(
     sizes = kernels.column_sizes[states.choice.indices]
     tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
     return states.choice.lanes.simulate(
-        method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, breaks, tolerance=TOLERANCE, max_growth=GROWTH,
-        max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,
+        method.integrator.name, run.times, InitialState(states.q, states.zd, states.p), threads, progress, breaks, tolerance=TOLERANCE,
+        max_growth=GROWTH, max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, ModelError, NcgenError, shown
+from ncgen.errors import ConvergenceError, ModelError, NcgenError, counted, shown
 from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
@@ -264,7 +264,7 @@ class Simulations:
             self._now.statuses[row] = STATUS.index("not converged") if row in raised else 0
         if raised:
             row = min(raised)
-            more = f" (and {len(raised) - 1} others)" if len(raised) > 1 else ""
+            more = f" (and {counted(len(raised) - 1, 'other')})" if len(raised) > 1 else ""
             raise ConvergenceError(f"simulation {row} of {self.size}{more}: {raised[row]}") from raised[row]
 
     def _refused(self, h: float) -> Exception:

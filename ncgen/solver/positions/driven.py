@@ -53,8 +53,9 @@ class DrivenPositions:
         kernels, rows = self.kernels, list(self.rows)
         if not len(self.t):
             return np.empty((0, kernels.n, len(self.p)))
-        by_q = kernels.jacobians(self.q, self.t, self.p)[:, rows]
-        by_p = kernels.dense_tangents("phi_p", self.q, self.t, self.p)[:, rows]
+        states = list(zip(self.q, self.t.tolist(), strict=True))
+        by_q = np.array([kernels.jacobian(q, t, self.p) for q, t in states])[:, rows]
+        by_p = np.array([kernels.dense_tangent("phi_p", q=q, t=t, p=self.p) for q, t in states])[:, rows]
         amplified = np.linalg.cond(by_q / kernels.row_sizes[rows, None], 1)
         for k in np.flatnonzero(~(amplified < 1 / REGULAR))[:1]:
             at = f"the position at t = {self.t[k]:g} s"

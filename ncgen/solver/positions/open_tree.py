@@ -2,17 +2,55 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.tree.couplings import NoTables
+from ncgen.program.tree.table_layout import TreeTables, tables_of
 from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPosition
+from ncgen.solver.positions.described_position import found_in_described
 from ncgen.symbolic.tree import spanning_tree
 
 PARAMETER_PERTURBATION = 0.03
 """By which share of theirs other parameters differ."""
+
+
+@dataclass(frozen=True)
+class KnownTree:
+    """What runs need of an open tree: its degrees of freedom while loops are open, and its tables."""
+
+    freedoms: int
+    tables: TreeTables
+
+
+def known_tree(kernels: Kernels, closes_loops: bool = False) -> KnownTree | None:
+    """What runs need of `open_tree`, or of `tree_with_loops`, from the cache or made now."""
+    found = _found(kernels, closes_loops)
+    return found if isinstance(found, KnownTree) else None
+
+
+def why_no_tables(kernels: Kernels) -> str | None:
+    """Why a mechanism does not move in loops over tables, with its loops; None where it does."""
+    found = _found(kernels, closes_loops=True)
+    return None if known_tree(kernels) or isinstance(found, KnownTree) else found
+
+
+def _found(kernels: Kernels, closes_loops: bool) -> KnownTree | str:
+    """What runs need, or why there is none, from the cache or made now."""
+
+    def made() -> dict[str, Any]:
+        tree = (open_tree(kernels) if closes_loops else None) or _known(kernels, closes_loops)
+        return {"why": tree} if isinstance(tree, str) else {"freedoms": tree.freedoms, "tables": tables_of(tree).plain()}
+
+    def find() -> KnownTree | str:
+        members = found_in_described(kernels, f"tables of a tree{' with loops' if closes_loops else ''}", made)
+        return members["why"] if "why" in members else KnownTree(members["freedoms"], TreeTables(**members["tables"]))
+
+    return kernels.remember("known tree", closes_loops, find)
 
 
 def open_tree(kernels: Kernels) -> OpenTree | None:
@@ -25,12 +63,6 @@ def tree_with_loops(kernels: Kernels) -> OpenTree | None:
     """The same of a mechanism whose other constraints close loops of its tree of bodies, or couple motions of a joint."""
     made = open_tree(kernels) or _known(kernels, closes_loops=True)
     return made if isinstance(made, OpenTree) else None
-
-
-def why_no_tables(kernels: Kernels) -> str | None:
-    """Why a mechanism does not move in loops over tables, with its loops; None where it does."""
-    made = open_tree(kernels) or _known(kernels, closes_loops=True)
-    return made if isinstance(made, str) else None
 
 
 def is_open_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:

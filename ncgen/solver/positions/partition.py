@@ -246,7 +246,7 @@ def kinematics_of_many(
     R[:, partition.independent, np.arange(len(partition.independent))] = 1.0
     if len(partition.rows):
         one = slice(0, 1) if (q == q[0]).all() and (p == p[0]).all() and (right == right[0]).all() else slice(None)  # a start for all
-        jacobian, right = kernels.dense_jacobians(q[one], t, p[one])[:, partition.rows], right[one]
+        jacobian, right = kernels.phi_q_pattern.dense(kernels.batch.phi_q(q[one], t, p[one]))[:, partition.rows], right[one]
         known = np.concatenate([-jacobian[:, :, partition.independent], right[:, partition.rows, None]], axis=2)
         solution = np.linalg.solve(jacobian[:, :, partition.dependent], known)
         R[:, partition.dependent], particular[:, partition.dependent] = solution[:, :, :-1], solution[:, :, -1]

@@ -5,21 +5,20 @@ Rank is numerical and is taken at several consistent positions, because one posi
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.recall import derived
 from ncgen.program.algebra.pivoting import column_order
 from ncgen.solver import argument_checks
 from ncgen.solver.argument_checks import ArrayOrNamed
-from ncgen.solver.positions.open_tree import is_open_tree, open_tree
+from ncgen.solver.positions.described_position import found_in_described, is_described
+from ncgen.solver.positions.open_tree import is_open_tree, known_tree
 from ncgen.solver.positions.position import TOLERANCE, check_finite, solve_position
 from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
 
@@ -42,23 +41,22 @@ REMEMBERED = 16
 MIN_CACHED_ROWS = 40
 """Rows from which on the degrees of freedom in the position that a model describes are kept in the cache: finding them takes longer."""
 
+ROWS_AT_ONCE = 64
+"""Rows whose parts outside a basis are computed by products of matrices, which reach the basis once for all of them."""
+
 NEIGHBOUR = 1e-3
 """How far a neighbouring position is, likewise."""
 
 
-def numerical_rank(jacobian: np.ndarray) -> int:
-    """Rank by singular values."""
-    if not min(jacobian.shape):
-        return 0
-    values = np.linalg.svd(jacobian, compute_uv=False)
-    return int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300)))
+def _rank_of(values: np.ndarray) -> int:
+    """How many singular values are not zero but for rounding."""
+    return int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300))) if len(values) else 0
 
 
 def null_space(jacobian: np.ndarray) -> np.ndarray:
     """An orthonormal basis of the null space, columns (n, n − rank)."""
     _, values, right = np.linalg.svd(jacobian, full_matrices=True)
-    rank = int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300))) if len(values) else 0
-    return right[rank:].T
+    return right[_rank_of(values) :].T
 
 
 def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
@@ -181,7 +179,8 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
     """`freedom` of arguments that were looked at."""
 
     def find() -> Freedom:
-        return (_freedom_from_cache if _is_described(kernels, q, t, p) else _freedom)(kernels, q, t, p)
+        is_kept = kernels.m >= MIN_CACHED_ROWS and is_described(kernels, q, t, p)
+        return (_freedom_from_cache if is_kept else _freedom)(kernels, q, t, p)
 
     return kernels.remember("freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), find, REMEMBERED)
 
@@ -189,47 +188,24 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
 def rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[int, bool]:
     """The rank of Φ_q, and whether q is a singular position. A large open tree has none of these, and its joints tell the rank; which rows
     others imply is not looked for."""
-    if kernels.m >= DENSE and (tree := open_tree(kernels)):
+    if kernels.m >= DENSE and (tree := known_tree(kernels)):
         return kernels.n - tree.freedoms, False
     mobility = freedom_at(kernels, q, t, p)
     return mobility.rank, mobility.is_singular
 
 
-def _is_described(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
-    """True where a position is the one that the model describes, in which most runs begin, and its rows are many."""
-    is_start = t == 0.0 and np.array_equal(q, kernels.q0) and np.array_equal(p, kernels.p0)
-    return is_start and kernels.m >= MIN_CACHED_ROWS
-
-
 def _freedom_from_cache(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
     """The degrees of freedom in the position that a model describes, from the cache or found now."""
 
-    def plain() -> dict[str, str]:
+    def plain() -> dict[str, Any]:
         mobility = _freedom(kernels, q, t, p)
-        redundant = [[row.row, *map(list, row.implied_by.items())] for row in mobility.redundant]
-        parts = (
-            mobility.rank,
-            mobility.rank_here,
-            mobility.dof,
-            redundant,
-            mobility.kept_rows,
-            mobility.vanishing.tolist(),
-            mobility.positions,
-        )
-        return {"freedom": json.dumps(parts)}
+        rows = [[row.row, *map(list, row.implied_by.items())] for row in mobility.redundant]
+        return vars(mobility) | {"redundant": rows, "kept_rows": list(mobility.kept_rows), "vanishing": mobility.vanishing.tolist()}
 
-    description = f"freedom {kernels.backend} {version('scipy')}"
-    rank, rank_here, dof, rows, kept, vanishing, positions = json.loads(derived(kernels.programs, description, plain)["freedom"])
-    redundant = tuple(Redundancy(row, {k: c for k, c in implied}) for row, *implied in rows)
-    return Freedom(
-        rank=rank,
-        rank_here=rank_here,
-        dof=dof,
-        redundant=redundant,
-        kept_rows=tuple(kept),
-        vanishing=np.array(vanishing, dtype=float).reshape(kernels.n, -1),
-        positions=positions,
-    )
+    members = found_in_described(kernels, f"freedom with SciPy {scipy.__version__}", plain)
+    redundant = tuple(Redundancy(row, {k: c for k, c in implied}) for row, *implied in members.pop("redundant"))
+    vanishing = np.array(members.pop("vanishing"), dtype=float).reshape(kernels.n, -1)
+    return Freedom(redundant=redundant, kept_rows=tuple(members.pop("kept_rows")), vanishing=vanishing, **members)
 
 
 def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
@@ -241,13 +217,14 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
     largest = _largest_rows(jacobians)
     jacobians = [j / largest for j in jacobians]
-    ranks = [numerical_rank(j) for j in jacobians]
+    values = [np.linalg.svd(j, compute_uv=False) for j in jacobians]
+    ranks = list(map(_rank_of, values))
     rank = max(ranks)
     general = [j for j, r in zip(jacobians, ranks, strict=True) if r == rank]
     kept = _independent_rows(general)
     if len(kept) != rank:  # rows at the edge of independence, which the order of exclusion decides
         kept = best_rows(general[-1], rank).tolist()
-    elif _represents_badly(general[0], kept):
+    elif _represents_badly(general[0], kept, values[ranks.index(rank)]):
         kept = best_rows(general[0], rank).tolist()
     dependent = [row for row in range(m) if row not in set(kept)]
     scale = kernels.row_sizes
@@ -271,10 +248,13 @@ def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:
     return np.where(norms > 0, norms, 1.0)[:, None]
 
 
-def _represents_badly(jacobian: np.ndarray, kept: list[int]) -> bool:
-    """True if rows, of which there are as many as the rank, are much nearer to being dependent than all rows together."""
-    least = (np.linalg.svd(rows, compute_uv=False)[len(kept) - 1] for rows in (jacobian[kept], jacobian))
-    return len(kept) > 0 and next(least) < MIN_SINGULAR_FRACTION * next(least)
+def _represents_badly(jacobian: np.ndarray, kept: list[int], values: np.ndarray) -> bool:
+    """True if rows, of which there are as many as the rank, are much nearer to being dependent than all rows together.
+
+    values: singular ones of all rows
+    """
+    count = len(kept)
+    return count > 0 and np.linalg.svd(jacobian[kept], compute_uv=False)[count - 1] < MIN_SINGULAR_FRACTION * values[count - 1]
 
 
 def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:
@@ -284,23 +264,30 @@ def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:
     """
     bases = [(j, np.zeros((min(j.shape), j.shape[1]))) for j in jacobians]
     kept: list[int] = []
-    for row in range(jacobians[0].shape[0]):
-        rests = [(j, basis, _rest(j[row], basis[: len(kept)])) for j, basis in bases]
-        new = [(j, basis, rest / size) for j, basis, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
-        if new and len(kept) < len(new[0][1]):
-            bases = [(j, basis) for j, basis, _ in new]
-            for _, basis, rest in new:
-                basis[len(kept)] = rest
-            kept.append(row)
+    for start in range(0, len(jacobians[0]), ROWS_AT_ONCE):
+        before = len(kept)
+        blocks = [(j, basis, _outside(_normalised(j[start : start + ROWS_AT_ONCE]), basis[:before])) for j, basis in bases]
+        for row in range(len(blocks[0][2])):
+            rests = [(block, _outside(block[2][row : row + 1], block[1][before : len(kept)])[0]) for block in blocks]
+            new = [(block, rest / size) for block, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
+            if new and len(kept) < len(new[0][0][1]):
+                blocks = [block for block, _ in new]
+                for (_, basis, _), rest in new:
+                    basis[len(kept)] = rest
+                kept.append(start + row)
+        bases = [(j, basis) for j, basis, _ in blocks]
     return kept
 
 
-def _rest(row: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """The part of a normalised row outside an orthonormal basis, orthogonalised twice against rounding."""
-    rest = row / max(np.linalg.norm(row), 1e-300)
+def _normalised(rows: np.ndarray) -> np.ndarray:
+    return rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
+
+
+def _outside(rows: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """The part of normalised rows outside an orthonormal basis, orthogonalised twice against rounding."""
     for _ in range(2):
-        rest = rest - basis.T @ (basis @ rest)
-    return rest
+        rows = rows - rows @ basis.T @ basis
+    return rows
 
 
 def _implications(jacobian: np.ndarray, dependent: list[int], kept: list[int], scale: np.ndarray) -> tuple[Redundancy, ...]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.conditions_in_c import Conditions
-from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.run_arguments import RunInputs
 from ncgen.methods.method import Method
 from ncgen.solver.positions.rank import rank_at
 from ncgen.solver.runs.signals import Signals
@@ -81,7 +81,7 @@ class Task:
     @property
     def step_in_c(self) -> float:
         """`max_step` of `ncgen_options`."""
-        return -1.0 if self.steps_to_rows else self.max_step
+        return -1.0 if self.steps_to_rows else 0.0 if np.isinf(self.max_step) else self.max_step
 
     @property
     def steps(self) -> int:
@@ -96,15 +96,6 @@ class Task:
         equal = self.method.is_stepper and not self.steps_to_rows
         return float(self.grid[-1] - self.grid[0]) / self.steps if equal else self.max_step
 
-    def unseen(self, sizes: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Velocities (n,) that steps do not tell from none: of an error within the tolerances, or a tenth of what a fixed step changes.
-
-        sizes, qd, qdd (n,): natural sizes of coordinates, velocities and accelerations
-        """
-        if (step := self.step) is not None:
-            return 0.1 * step * np.abs(qdd)
-        return self.tolerances.atol * (sizes if self.tolerances.natural else 1.0) + self.tolerances.rtol * np.abs(qd)
-
     @property
     def watched(self) -> Conditions | None:
         """The conditions at the first of which C ends the run."""
@@ -115,7 +106,6 @@ class Task:
         """Where steps with error control are to arrive (s); None where a stop may end the run before."""
         return None if self.watched or self.method.has_fixed_step else float(self.grid[-1])
 
-    @property
-    def driven(self) -> tuple[InputPieces | Function | None, ...]:
-        """What C is given for every input, () where nothing drives the mechanism."""
-        return self.signals.functions if self.signals else ()
+    def inputs_in_c(self, rule: Callable[[np.ndarray, np.ndarray], np.ndarray] | None) -> RunInputs:
+        """What changes parameters on the way, with a rule of positions."""
+        return RunInputs(signals=self.signals.functions if self.signals else (), breaks=self.breaks, rule=rule)

@@ -13,15 +13,15 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ncgen.comparisons.bench import aligned
-from ncgen.comparisons.hard import ATOL_OVER_RTOL
-from ncgen.comparisons.hard_linkages import four_bars_position
+from benchmarks.hard import ATOL_OVER_RTOL
+from benchmarks.hard_linkages import four_bars_position
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
-from ncgen.report.methods import FIXED, TimeIsUp, time_limit
+from ncgen.report.document import aligned
+from ncgen.report.precision import FIXED, TimeIsUp, time_limit
 from ncgen.solver.motions.entry_points import simulate
 
 Run = Callable[[], tuple[float, np.ndarray]]

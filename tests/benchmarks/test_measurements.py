@@ -1,4 +1,4 @@
-"""`ncgen bench`: every time has its error beside it, and the records are what scripts may rely on."""
+"""`bench.py MODEL`: every time has its error beside it, and the records are what scripts may rely on."""
 
 import json
 import math
@@ -6,9 +6,9 @@ import math
 import pytest
 
 import ncgen
-from ncgen.comparisons import batches, derivative_parts, falls, precision
-from ncgen.comparisons.bench import bench, kernel_records
-from ncgen.report import clock
+from benchmarks import batches, derivative_parts, falls
+from benchmarks.measurements import bench, kernel_records
+from ncgen.report import clock, precision
 
 
 @pytest.fixture(autouse=True)
@@ -82,5 +82,5 @@ def test_the_models_own_run_begins_as_the_model_says():
     kernels = ncgen.compile(m, "c")
     end = {"B.x": math.cos(1.0), "B.y": math.sin(1.0)}
     assert falls.end_state(kernels, 0.5) == pytest.approx(end, abs=1e-10)
-    assert dict(zip(kernels.coordinates, precision.reference(kernels, *falls.own_run(kernels)).q)) == pytest.approx(end, abs=1e-10)
+    assert dict(zip(kernels.coordinates, precision.reference(kernels, *precision.own_run(kernels)).q)) == pytest.approx(end, abs=1e-10)
     assert not all(record["error"] is None or record["error"] > 1e-4 for record in falls.fall_records(kernels))

@@ -1,24 +1,22 @@
-"""`ncgen bench`: times next to errors, of generated code and of what was written by hand.
-
-What needs other people's programs, and measurements of ncgen itself, are in tests/benchmarks/.
-"""
+"""Times next to errors, of generated code and of what was written by hand."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Callable, Iterator, Mapping
 
 from rich.console import Console
 from rich.text import Text
 
-from ncgen.comparisons.batches import RUNS, STATES, batch_records
-from ncgen.comparisons.derivative_parts import arithmetic_rate, derivative_records
-from ncgen.comparisons.falls import fall_records
+from benchmarks.batches import RUNS, STATES, batch_records
+from benchmarks.derivative_parts import arithmetic_rate, derivative_records
+from benchmarks.falls import fall_records
+from benchmarks.rivals import emitted_and_by_hand
 from ncgen.comparisons.rivals import KERNELS, Inputs, Others, exact, nobody, relative_error, rivals
 from ncgen.compiler import compile
 from ncgen.model import Model
 from ncgen.program.ir.cost import cost
 from ncgen.report.clock import Spread, measure
+from ncgen.report.document import Rows, aligned
 
 LETTERS = {"phi": "Φ", "phi_q": "Φ_q", "gamma": "γ", "all": "together"}
 
@@ -26,9 +24,6 @@ KERNEL_TITLE = "kernels of {}: ns per call, error against 50 digits relative to 
 DERIVATIVE_TITLE = "state derivative: ns; floor at {:.1f} operations a nanosecond, the measured rate of plain arithmetic"
 FALL_TITLE = "simulation: ms, error of the end position (m, rad)"
 BATCH_TITLE = "batch of {:,} states, of {:,} simulations: ns a state, gain over one at a time, relative difference"
-
-Rows: TypeAlias = Sequence[tuple[str, ...]]
-"""Cells, titles first."""
 
 
 def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
@@ -54,7 +49,7 @@ def kernel_records(model: Model, rate: float, others: Others = nobody) -> list[d
     if not names:
         return []
     inputs = Inputs.typical(kernels)
-    tools = rivals(model, inputs, names) + others(kernels, inputs, names)
+    tools = rivals(model, inputs, names) + emitted_and_by_hand(kernels, inputs, names) + others(kernels, inputs, names)
     reference = {name: exact(kernels, name, inputs) for name in names}
     spent = measure({(rival.name, case): run for rival in tools for case, run in rival.runs.items()})
     records = []
@@ -84,16 +79,6 @@ def show(console: Console, title: str, records: list[dict], more: Mapping[str, C
     for line in aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
         console.print(line, markup=False)
     console.print()
-
-
-def aligned(rows: Rows) -> list[str]:
-    """Rows of text as lines: the first column to the left, the others to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for first, *others in rows:
-        cells = [first.ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(others, widths[1:], strict=True))]
-        lines.append(f"  {'  '.join(cells)}".rstrip())
-    return lines
 
 
 def _kernel_rows(records: list[dict]) -> list[tuple[str, ...]]:

@@ -7,6 +7,7 @@ coordinates; a second one by other equations says how far that can be trusted.
 from __future__ import annotations
 
 import hashlib
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -18,8 +19,6 @@ import numpy as np
 import scipy
 
 from ncgen import __version__
-from ncgen.comparisons.compare import NOISE_MARK
-from ncgen.comparisons.falls import own_run
 from ncgen.compiler import compile
 from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism import runtime_library
@@ -27,9 +26,10 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
-from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
+from ncgen.report.clock import is_noisy
+from ncgen.solver.groups import StartArguments
 from ncgen.solver.motions.simulate import simulate_one
-from ncgen.solver.runs.simulation_options import check_simulation
+from ncgen.solver.runs.simulation_options import check_simulation, simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 from ncgen.toolchain.cache_location import keep, kept
@@ -125,6 +125,12 @@ def precision_records(model: Model, limit: float = LIMIT, **chosen: Any) -> list
     return [record for record, _ in measured]
 
 
+def own_run(kernels: Kernels, **others: Any) -> tuple[float, dict[str, Any]]:
+    """Duration (s) and beginning of the model's own simulation, with others that are not None in their place, for `simulate`."""
+    options = simulation_of(kernels.model, **others)
+    return float(options["duration"]), {k: options[k] for k in StartArguments.__annotations__ if k in options}
+
+
 def _check_motion(kernels: Kernels, duration: float, start: dict[str, Any]) -> None:
     """Raise ModelError where a mechanism moves less than the smallest error that is shown."""
     run = _run(kernels, duration, start, np.inf)
@@ -138,7 +144,7 @@ def _repeat(runs: list[tuple[dict, Callable[[], float]]]) -> None:
     samples = [[again() for _, again in runs] for _ in range(ROUNDS)]
     for (record, _), seconds in zip(runs, zip(*samples, strict=True), strict=True):
         low, middle, high = map(float, np.quantile(seconds, (0.25, 0.5, 0.75)))
-        record |= {"seconds": middle, "low": low, "high": high, "noisy": high - low > NOISE_MARK * middle}
+        record |= {"seconds": middle, "low": low, "high": high, "noisy": is_noisy(low, middle, high)}
 
 
 def _ways(formalism: str, integrator: str, kernels: Kernels, numpy: Kernels) -> list[tuple[str, Kernels, str]]:
@@ -323,3 +329,37 @@ def _unbeaten(done: list[dict]) -> list[dict]:
         if not unbeaten or r["seconds"] < unbeaten[-1]["seconds"]:
             unbeaten.append(r)
     return unbeaten
+
+
+FIXED = tuple(name for name, entry in INTEGRATORS.items() if entry.has_fixed_step)
+"""Integrators with a fixed step."""
+
+ONE = "dop853"
+"""Every formalism is tried with this one, since there the integrator is not what differs."""
+
+
+class TimeIsUp(Exception):
+    """Raised when a run has used up its time."""
+
+
+def methods() -> list[tuple[str, str]]:
+    """Coordinate partitioning with every integrator, every formalism with one, and all that step the constrained equations."""
+    ordinary = [("coordinate-partitioning", entry.name) for entry in INTEGRATORS.values() if entry.is_ordinary]
+    formalisms = [(entry.name, ONE) for entry in FORMALISMS.values() if entry.is_ordinary]
+    steppers = [(formalism, entry.name) for entry in INTEGRATORS.values() for formalism in entry.steps]
+    return list(dict.fromkeys([*ordinary, *formalisms, *steppers]))
+
+
+def time_limit(seconds: float) -> Callable[[float], None]:
+    """The `progress` of a run that raises TimeIsUp as soon as so many seconds have passed from now.
+
+    A run calls it while it computes, in C too, so that nothing is interrupted but the run: an alarm of the system would raise between
+    any two instructions, in the middle of an import or while somebody holds a lock.
+    """
+    end = time.perf_counter() + seconds
+
+    def check(t: float) -> None:
+        if time.perf_counter() > end:
+            raise TimeIsUp(f"stopped after {seconds:g} s")
+
+    return check

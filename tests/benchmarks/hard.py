@@ -1,4 +1,4 @@
-"""`ncgen hard`: every hard case by every method: the error, the drift, the time, or the reason why it fails."""
+"""`bench.py all --hard`: every hard case by every method: the error, the drift, the time, or the reason why it fails."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.comparisons.case import Case
-from ncgen.comparisons.hard_cases import CASES
+from benchmarks.case import Case
+from benchmarks.hard_cases import CASES
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
+from ncgen.report.precision import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.motions.simulate import simulate_one
 
 ATOL_OVER_RTOL = 1e-2

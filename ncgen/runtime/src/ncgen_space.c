@@ -1,5 +1,5 @@
-/* ncgen_space.c: what ncgen_adjoint.c takes of ncgen_vectors.c, whose other functions need numbers in an order, or one number. */
-#include "ncgen_vectors.h"
+/* ncgen_space.c: see ncgen_space.h. */
+#include "ncgen_space.h"
 
 ncgen_real *ncgen_take(ncgen_space *space, int count)
 {
@@ -8,7 +8,7 @@ ncgen_real *ncgen_take(ncgen_space *space, int count)
     return part;
 }
 
-void ncgen_copy(int count, const ncgen_real *from, ncgen_real *to)
+void ncgen_copy(int count, const ncgen_real *NCGEN_RESTRICT from, ncgen_real *NCGEN_RESTRICT to)
 {
     for (int i = 0; i < count; ++i)
         to[i] = from[i];

@@ -6,15 +6,17 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from ncgen.comparisons.derivative_parts import emitted_parts
+from benchmarks.derivative_parts import emitted_parts
+from benchmarks.falls import ToleranceArguments
+from benchmarks.foreign import own_start
+from benchmarks.loops import each
 from ncgen.comparisons.rivals import KERNELS
-from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernel_batch import CompiledBatch, available
 from ncgen.mechanism.library import CompiledKernels
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.mechanism.runtime import Outcome
 from ncgen.report.clock import Run, Spread, measure, repeated
-from ncgen.report.methods import ToleranceArguments
-from ncgen.report.repeat import KernelCall, each, runner
+from ncgen.report.repeat import KernelCall, runner
 from ncgen.solver.engines.capabilities import is_emitted
 from ncgen.solver.engines.compiled import GROWTH
 from ncgen.solver.engines.partition_dynamics import dynamics
@@ -107,7 +109,7 @@ def _simulation_records(kernels: CompiledKernels) -> Iterator[dict]:
 
     def alone() -> list[Outcome]:
         return [
-            single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, max_growth=GROWTH, **TOLERANCES).completed()
+            single.simulate("dopri5", grid, InitialState(q, zd, p), tolerance=TOLERANCE, max_growth=GROWTH, **TOLERANCES).completed()
             for zd in zd0[:N_SINGLE_SIMULATIONS]
         ]
 

@@ -1,10 +1,10 @@
-"""`ncgen bench robots`: every number of a file, and no file that keeps the others waiting."""
+"""`bench.py FILES --robots`: every number of a file, and no file that keeps the others waiting."""
 
 from pathlib import Path
 
 import pytest
 
-from ncgen.comparisons import robots
+from benchmarks import robots
 from ncgen.errors import ModelError
 
 FILES = Path(__file__).parents[1] / "robots"

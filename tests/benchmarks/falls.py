@@ -7,17 +7,14 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypedDict
 
-from ncgen.comparisons.rivals import handwritten
-from ncgen.comparisons.rivals.base import own_start
+from benchmarks.foreign import handwritten, own_start
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.report.methods import ToleranceArguments
+from ncgen.report.precision import own_run
 from ncgen.solver.engines.capabilities import is_emitted
-from ncgen.solver.groups import StartArguments
 from ncgen.solver.motions.simulate import simulate_one
-from ncgen.solver.runs.simulation_options import simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 
 TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-10)
@@ -32,6 +29,13 @@ MAX_REPEATED_SECONDS = 2.0
 REFERENCE_RTOL = 1e-13
 
 PARTITIONED = "coordinate-partitioning"
+
+
+class ToleranceArguments(TypedDict):
+    """How an integrator that chooses its steps takes its accuracy: arguments of `simulate`."""
+
+    rtol: float
+    atol: float
 
 
 @dataclass(frozen=True)
@@ -67,12 +71,6 @@ def fall_records(kernels: Kernels, others: Others = lambda *arguments: iter(()))
             yield _timed(kernels, duration, reference, integrator, setting, options, way, REPEATS)
     yield _timed(kernels, duration, reference, "dopri5", "rtol 1e-06", tolerances(1e-6), IN_PYTHON, 1)
     yield from others(kernels, duration, reference)
-
-
-def own_run(kernels: Kernels, **others: Any) -> tuple[float, dict[str, Any]]:
-    """Duration (s) and beginning of the model's own simulation, with others that are not None in their place, for `simulate`."""
-    options = simulation_of(kernels.model, **others)
-    return float(options["duration"]), {k: options[k] for k in StartArguments.__annotations__ if k in options}
 
 
 def _settings(duration: float) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
