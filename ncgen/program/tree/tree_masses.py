@@ -30,7 +30,7 @@ CANCELLED = 1e-6
 """Shares of bodies that leave less than this of them in their sum cannot be told from it."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class TreeMasses:
     """Entries of M by the links that carry them.
 
