@@ -10,6 +10,7 @@ Importing ncgen is quick: what a name needs is loaded when the name is used.
 from __future__ import annotations
 
 from importlib import import_module
+from sys import modules
 
 __version__ = "0.1.0"
 
@@ -30,7 +31,7 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"ncgen.{name} is now ncgen.{today}, called with rows of states (docs/renamed.md)")
     if name not in _HOMES:
         raise AttributeError(f"module 'ncgen' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    return getattr(modules.get(_HOMES[name]) or import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -37,7 +37,9 @@ def driver_jumps(kernels: Kernels, p: np.ndarray, q: np.ndarray, breaks: np.ndar
     p (n_p,): parameters; q (n,): a position (m, rad), on which drivers do not depend
     Raises ModelError naming the driver and the time where its position jumps.
     """
-    moves = breaks[breaks[:, 0] < breaks[:, 1]] if len(breaks) and may_jump(kernels) else NO_BREAKS
+    if not len(breaks) or not may_jump(kernels):
+        return NO_BREAKS
+    moves = breaks[breaks[:, 0] < breaks[:, 1]]
     jumping = [row for row in moves.tolist() if _jumps(kernels, p, q, *row)]
     return np.array(jumping).reshape(-1, 2)
 

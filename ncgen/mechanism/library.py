@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -78,12 +79,7 @@ class CompiledKernels(Kernels):
         return Direct(self, kernel)
 
     def _call(self, kernel: str, t: ArrayLike, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, size: int) -> np.ndarray:
-        try:
-            call = self._buffers.calls[kernel]
-        except AttributeError:
-            self._buffers.calls = {name: _Call.of(self, name) for name in self.programs.programs}
-            call = self._buffers.calls[kernel]
-        function, result, pointer = call
+        function, result, pointer = self._call_of(kernel)
         try:
             if qd is None:
                 status = function(t, q.tobytes(), p.tobytes(), pointer)
@@ -92,8 +88,28 @@ class CompiledKernels(Kernels):
         except TypeError:
             raise NcgenError(f"{self.name}.{kernel}: t is {t!r}; compiled kernels take one real number") from None
         if status:
-            raise NcgenError(f"{self.name}.{kernel}: the kernel returned “{STATUS[status]}”")
+            raise self._failed(kernel, status)
         return result.copy()
+
+    def _called_at(self, kernel: str, instants: Iterable[tuple[float, np.ndarray, np.ndarray]], p: np.ndarray, size: int) -> np.ndarray:
+        function, result, pointer = self._call_of(kernel)
+        parameters, rows = p.tobytes(), list[list[float]]()
+        for t, q, qd in instants:
+            if status := function(t, q.tobytes(), qd.tobytes(), parameters, pointer):
+                raise self._failed(kernel, status)
+            rows.append(result.tolist())
+        return np.array(rows).reshape(-1, size)
+
+    def _call_of(self, kernel: str) -> _Call:
+        """A kernel with this thread's own place for its result."""
+        try:
+            return self._buffers.calls[kernel]
+        except AttributeError:
+            self._buffers.calls = {name: _Call.of(self, name) for name in self.programs.programs}
+            return self._buffers.calls[kernel]
+
+    def _failed(self, kernel: str, status: int) -> NcgenError:
+        return NcgenError(f"{self.name}.{kernel}: the kernel returned “{STATUS[status]}”")
 
 
 class _Call(NamedTuple):

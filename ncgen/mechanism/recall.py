@@ -71,7 +71,8 @@ def remember(key: str, sources: Sources) -> None:
     """Keep the sources of a model."""
     programs = sources.programs
     _note(programs, key)
-    keep(KIND, key, _plain((programs.programs, programs.phi_q, programs.mass, programs.omitted, sources.c)), MAX_ENTRY_BYTES)
+    with undisturbed():
+        keep(KIND, key, _plain((programs.programs, programs.phi_q, programs.mass, programs.omitted, sources.c)), MAX_ENTRY_BYTES)
 
 
 def derived(programs: Programs, description: str, make: Callable[[], Made]) -> Made:

@@ -54,7 +54,7 @@ def refuse_batch_options(function: str, **options: object) -> None:
 
 def _row_count(value: object) -> int | None:
     """Return the number of rows of an argument; None if it is of one state, or for all."""
-    return next(_counts(value), None)
+    return None if value is None else next(_counts(value), None)
 
 
 def _counts(value: object) -> Iterator[int]:

@@ -23,7 +23,7 @@ from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.runs.choice import choose
 from ncgen.solver.runs.run import COMPILED, Run
 from ncgen.solver.runs.start import Start, begin
-from ncgen.solver.trajectories.energy import drift
+from ncgen.solver.trajectories.energy import Instants, drift
 from ncgen.solver.trajectories.happening import Happening
 from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations
 from ncgen.studies.columns import StudiedMotion, columns_of
@@ -117,6 +117,6 @@ class EventfulVariants:
             events=events,
             steps=int(motions.steps[k]),
             outputs=lambda: outputs_of(kernels, t, q, qd, p),
-            energy_drift=lambda: drift(kernels, t, q, qd, work, p),
+            energy_drift=lambda: drift(kernels, Instants(t, q, qd, work), p),
         )
         return columns_of(self.study, kernels, motion), q[-1]

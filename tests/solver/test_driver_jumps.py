@@ -18,7 +18,7 @@ from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, goes_with
 from ncgen.solver.formalisms.impulse import cross
-from ncgen.solver.trajectories.energy import drift
+from ncgen.solver.trajectories.energy import Instants, drift
 
 MASS, OFFSET, SPEED, PLACE, TURNING = 2.0, 0.4, 0.7, 0.5, 1.3
 INERTIA = 1.5 + 0.3 + MASS * OFFSET**2
@@ -152,7 +152,7 @@ def test_every_law(law, engine):
     formalism = {"formalism": "coordinate-partitioning"} if engine == "emitted" else {}
     run = moved(law, engine=engine, **formalism)
     check(run, law, 1e-8)
-    assert drift(run.kernels, run.t, run.q, run.qd, run.work, run.p) < 1e-9
+    assert drift(run.kernels, Instants(run.t, run.q, run.qd, run.work), run.p) < 1e-9
 
 
 def held(m, s, phi, law) -> None:

@@ -7,7 +7,7 @@ import pytest
 from study_models import swing
 
 import ncgen
-from ncgen.solver.trajectories.energy import drift, drifts
+from ncgen.solver.trajectories.energy import Instants, drift, drifts
 
 
 @pytest.fixture(scope="module")
@@ -56,5 +56,5 @@ def test_mirror_roots_are_seen_with_own_parameters():
 def test_drifts_are_those_of_single_motions(kernels):
     p = np.array([[0.9, 2.0, 9.81], [1.1, 3.0, 9.81]])
     batch = ncgen.simulate(kernels, 1.0, p=p, zd0=np.array([[1.0], [2.0]]), points=11, rtol=1e-5)
-    own = [drift(kernels, batch.t, batch.q[i], batch.qd[i], batch.work[i], p[i]) for i in range(2)]
+    own = [drift(kernels, Instants(batch.t, batch.q[i], batch.qd[i], batch.work[i]), p[i]) for i in range(2)]
     assert drifts(kernels, batch.t, batch.q, batch.qd, batch.work, p) == pytest.approx(own, rel=1e-6) and min(own) > 0

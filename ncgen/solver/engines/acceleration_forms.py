@@ -67,7 +67,13 @@ def expected_component(model: Model, run: Run) -> Part:
 
 def form_of(kernels: Kernels, method: Method) -> Form:
     """What accelerations a run over all coordinates takes where nobody says: of a recursion over the tree of bodies that is emitted
-    and compiled, or in loops over tables, or of the factored matrix."""
+    and compiled, or in loops over tables, or of the factored matrix. Asked once for a mechanism and a method."""
+    formalism, stabilisation = method.formalism, method.options.get("stabilisation")
+    key = kernels.effort, formalism.name, formalism.in_c, method.integrator.name, stabilisation
+    return kernels.remember("form of accelerations", key, lambda: _form_of(kernels, method))
+
+
+def _form_of(kernels: Kernels, method: Method) -> Form:
     if _may_recur(kernels, method) and not _has_few_rates(kernels, FEW_RATES) and known_tree(kernels):
         return "tree"
     if _is_recursive(kernels, method):

@@ -32,6 +32,7 @@ from ncgen.solver.runs.run import COMPILED, EMITTED, Form, Run
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
+from ncgen.solver.trajectories.energy import Instants
 from ncgen.solver.trajectories.grid_motion import Statistics
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.preparation import preparation_seconds
@@ -122,7 +123,7 @@ def _carry_out(
         warn(singular_message(kernels, freedom_at(*here)))
     if negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p):
         warn(f"{kernels.name}: {negative}")
-    for doubt in doubts(motion.inspected(trajectory), motion.tolerances, choice.method):
+    for doubt in doubts(trajectory, motion.inspected(trajectory), motion.tolerances, choice.method):
         warn(f"{kernels.name}: {doubt}")
     return trajectory
 
@@ -347,22 +348,21 @@ class _Motion:
             return times, is_extra
         return np.append(self.times[: len(path.q) - 1], path.stopped), np.append(self.movable[: len(path.q) - 1], False)
 
-    def inspected(self, run: Trajectory) -> Trajectory:
-        """A trajectory at the instants at which it is looked at, and at its ends."""
+    def inspected(self, run: Trajectory) -> Instants:
+        """The instants at which a trajectory is looked at, and its ends; all of it where there are no such instants."""
         (times, is_extra), path = self._rows(), self.path
+        if not len(self.jumps) and not is_extra.any():
+            return Instants(run.t, run.q, run.qd, run.work)
         if len(self.jumps):
             times = outside_breaks(self.breaks, times)  # a row at a jump is of the time before it
-        elif not np.any(is_extra):
-            return run
-        shown = is_extra.copy() if np.any(is_extra) else np.ones(len(is_extra), dtype=bool)
-        shown[[0, -1]] = True
-        return replace(run, t=times[shown], q=path.q[shown], qd=path.qd[shown], work=path.work[shown])
+        shown = sorted({0, *np.flatnonzero(is_extra).tolist(), len(times) - 1}) if is_extra.any() else range(len(times))
+        return Instants(*(rows.take(shown, axis=0) for rows in (times, path.q, path.qd, path.work)))
 
     def trajectory(self, clock: _Stopwatch) -> Trajectory:
         """The motion at the instants that were asked for, as far as it came."""
         path, run, method = self.path, self.run, self.choice.method
         times, is_extra = self._rows()
-        wanted = ~is_extra
+        wanted = np.flatnonzero(~is_extra)
         steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
         seconds, preparation = clock.read()
         spent = Statistics(
@@ -382,10 +382,10 @@ class _Motion:
         modes = tuple(replace(each, kernels=self.passage.driving(each.kernels, self.start.p)) for each in self.passage.modes)
         return Trajectory(
             kernels=kernels,
-            t=times[wanted],
-            q=path.q[wanted],
-            qd=path.qd[wanted],
-            work=path.work[wanted],
+            t=times.take(wanted),
+            q=path.q.take(wanted, axis=0),
+            qd=path.qd.take(wanted, axis=0),
+            work=path.work.take(wanted),
             p=self.start.p,
             partitions=path.partitions,
             statistics=spent,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ncgen.methods.method import Method
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.runs.run import Run
 from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.solver.trajectories.energy import drift
+from ncgen.solver.trajectories.energy import Instants, drift
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 
@@ -45,16 +47,16 @@ def monitoring_times(run: Run, method: Method) -> np.ndarray:
     return run.times[0] + SAMPLE_FRACTIONS * run.duration
 
 
-def doubts(run: Trajectory, tolerances: Tolerances, method: Method) -> list[str]:
+def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: Method) -> list[str]:
     """What speaks against a motion, in words.
 
-    run: at the instants at which the energy was looked at, its ends included; tolerances: that were kept
+    instants: at which the energy was looked at, the ends of the run included; tolerances: that were kept
     """
     rtol = tolerances.rtol
     feedback = method.options.get("stabilisation") in ("baumgarte", "none")
-    reasons = [] if feedback or method.has_fixed_step else _contradiction(run)
-    unseen = WORK_ERRORS * tolerances.atol if np.any(run.work) else 0.0
-    change = drift(run.kernels, run.t, run.q, run.qd, run.work, run.p, unseen)
+    reasons = [] if feedback or method.has_fixed_step else _contradiction(run, instants)
+    unseen = WORK_ERRORS * tolerances.atol if np.any(instants.work) else 0.0
+    change = drift(run.kernels, instants, run.p, unseen, limit=min(MAX_ENERGY_CHANGE, np.sqrt(rtol)))
     if feedback and change > MAX_ENERGY_CHANGE:
         reasons.append(
             f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
@@ -70,7 +72,7 @@ def doubts(run: Trajectory, tolerances: Tolerances, method: Method) -> list[str]
             f"the energy changes by {change:.1g} of what moves, although rtol is {rtol:g}: "
             f"the motion may have passed a singular position, {other}"
         )
-    if feedback and not method.has_fixed_step and (violation := float(run.violation().max())) > MAX_RESIDUAL_OVER_RTOL * rtol:
+    if feedback and not method.has_fixed_step and (violation := _violation(run, instants)) > MAX_RESIDUAL_OVER_RTOL * rtol:
         reasons.append(
             f"{method.formalism.name} holds the constraints to {violation:.1g} only (relative), although rtol is {rtol:g}; "
             + (
@@ -82,7 +84,12 @@ def doubts(run: Trajectory, tolerances: Tolerances, method: Method) -> list[str]
     return reasons
 
 
-def _contradiction(run: Trajectory) -> list[str]:
+def _violation(run: Trajectory, instants: Instants) -> float:
+    """The largest relative residual of the constraints at some instants."""
+    return float(replace(run, **instants._asdict()).violation().max())
+
+
+def _contradiction(run: Trajectory, instants: Instants) -> list[str]:
     """What drivers and velocity rows demand that no velocity can do: projections then leave a remainder in Φ_q q̇ = ν. Velocities of rest
     always satisfy rows without either. A remainder is compared with the velocities; where a driver comes to rest these are rounding, and
     count as what would move nothing by a share of its size in the whole run."""
@@ -93,9 +100,9 @@ def _contradiction(run: Trajectory) -> list[str]:
     worst, reasons, slow = (
         max(VELOCITY_TOLERANCE, ROUNDINGS * rounding),
         [],
-        VELOCITY_TOLERANCE / max(run.t[-1] - run.t[0], np.finfo(float).tiny),
+        VELOCITY_TOLERANCE / max(instants.t[-1] - instants.t[0], np.finfo(float).tiny),
     )
-    for t, q, qd in zip(run.t, run.q, run.qd, strict=True):
+    for t, q, qd in zip(instants.t, instants.q, instants.qd, strict=True):
         nu = kernels.nu(q, t, p)
         if len(kernels.holonomic) == kernels.m and not np.any(nu):
             continue

@@ -9,7 +9,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.model.elements import rate_name
 from ncgen.solver.runs.path import Path
-from ncgen.solver.trajectories.energy import drift
+from ncgen.solver.trajectories.energy import Instants, drift
 
 FROM_NOTHING = 0.5
 """Share of all energy that moves which must have come from nothing."""
@@ -31,7 +31,7 @@ def divergence(kernels: Kernels, path: Path, start: float, method: Method, step:
     q, qd, work = path.q[ends], path.qd[ends], path.work[ends]
     sizes = np.abs(qd[-1]) / kernels.column_sizes
     with np.errstate(all="ignore"):
-        change = drift(kernels, np.array([start, path.stopped]), q, qd, work, p)
+        change = drift(kernels, Instants(np.array([start, path.stopped]), q, qd, work), p)
     if np.isfinite(change) and change < FROM_NOTHING:
         return None
     largest = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))

@@ -81,6 +81,8 @@ def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:
 
 def _warn_of_moved(kernels: Kernels, start: np.ndarray, closed: np.ndarray) -> None:
     """A warning where the start was open, with what moved most."""
+    if closed.tobytes() == start.tobytes():
+        return
     moved = np.abs(closed - start)
     if np.any(moved > 0):
         most = int(np.argmax(moved))
@@ -145,16 +147,16 @@ def check_count(rates: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
 
 def velocity_from_rates(kernels: Kernels, partition: Partition, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """All velocities (n,) from those of the independent coordinates."""
+    key = q.tobytes(), float(t), p.tobytes(), partition.rows.tobytes(), partition.independent.tobytes()
     if kernels.m >= DENSE and len(kernels.holonomic) == kernels.m:
 
         def factors() -> scipy.sparse.linalg.SuperLU:
             held = scipy.sparse.csr_array((np.ones(len(rates)), (np.arange(len(rates)), partition.independent)), (len(rates), kernels.n))
             return scipy.sparse.linalg.splu(scipy.sparse.vstack([kernels.phi_q(q, t, p)[partition.rows], held], format="csc"))
 
-        key = q.tobytes(), float(t), p.tobytes(), partition.rows.tobytes(), partition.independent.tobytes()
         lu = kernels.remember("factors for rates", key, factors, REMEMBERED)
         return lu.solve(np.concatenate([kernels.nu(q, t, p)[partition.rows], rates]))
-    frame = kinematics(kernels, partition, q, t, p)
+    frame = kernels.remember("kinematics for rates", key, lambda: kinematics(kernels, partition, q, t, p), REMEMBERED)
     return frame.R @ rates + frame.particular(kernels.nu(q, t, p))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
@@ -22,20 +24,36 @@ MIN_ENERGY = 1e-300
 """An energy that does no harm as a divisor where nothing has mass."""
 
 
+class Instants(NamedTuple):
+    """Times (K,) in s of a motion, and q, qd (K, n) and work (K,) then."""
+
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+
+
 def energies(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray | None) -> np.ndarray:
     """Kinetic and potential energy (J) and power (W) of forces without a potential, shape (K, 3), of K instants."""
     return kernels.energies(q, qd, t, kernels.p0 if p is None else p)
 
 
-def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray, unseen: float = 0.0) -> float:
+def drift(kernels: Kernels, instants: Instants, p: np.ndarray, unseen: float = 0.0, limit: float = 0.0) -> float:
     """The largest |T + V − W − its start| over K instants, relative to the energy that moves: the largest T or W or change of V.
 
     0 where that is rounding, or below what is `unseen` (J), and where nothing leaves its place by more than rounding. A mechanism at rest
     moves at least the kinetic energy of speeds that count as rest, so that the noise of its velocities is no drift.
+    limit: a drift that is below it by the largest T alone is 0, too
     """
+    t, q, qd, work = instants
     energies_of_run = energies(kernels, t, q, qd, p)
+    kinetic, potential = energies_of_run[:, 0], energies_of_run[:, 1]
+    total = kinetic + potential - work
+    error = float(_error(total))
+    if error <= ROUNDING * abs(total[0]) or error < limit * kinetic.max():
+        return 0.0
     least = _least(kernels, t[0], q[0], p)
-    ratio = float(_relative(energies_of_run[:, 0], energies_of_run[:, 1], work, least, unseen))
+    ratio = float(_relative(kinetic, potential, work, least, unseen))
     return 0.0 if not ratio < MIN_ALARMING_DRIFT and _is_still(kernels, q) else ratio
 
 
@@ -56,13 +74,17 @@ def _is_still(kernels: Kernels, q: np.ndarray) -> np.ndarray | np.bool_:
 
 def _relative(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, least: np.ndarray | float, unseen: float = 0.0) -> np.ndarray:
     """The drift along the last axis, relative to what moves, at least to `least`; 0 up to `unseen` (J)."""
-    total = kinetic + potential - work
-    error = np.abs(total - total[..., :1]).max(axis=-1)
+    error = _error(kinetic + potential - work)
     done = np.abs(work)
     rounding = ROUNDING * (np.abs(kinetic) + np.abs(potential) + done).max(axis=-1)
     span = potential.max(axis=-1) - potential.min(axis=-1)
     moved = np.maximum(np.maximum(kinetic.max(axis=-1), span), done.max(axis=-1))
     return np.where(error <= np.maximum(rounding, unseen), 0.0, error / np.maximum(moved, least))
+
+
+def _error(total: np.ndarray) -> np.ndarray:
+    """The largest change of a total energy along the last axis (J)."""
+    return np.abs(total - total[..., :1]).max(axis=-1)
 
 
 def _least(kernels: Kernels, t: float, q: np.ndarray, p: np.ndarray) -> float:

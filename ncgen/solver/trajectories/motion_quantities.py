@@ -14,7 +14,7 @@ from ncgen.solver import frames, geometry
 from ncgen.solver.argument_checks import echo, offer
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.position import residual
-from ncgen.solver.trajectories.energy import drift, energies
+from ncgen.solver.trajectories.energy import Instants, drift, energies
 from ncgen.solver.trajectories.grid_motion import GridMotion
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ class MotionQuantities(GridMotion):
     @cached_property
     def energy_drift(self) -> float:
         """The largest |T + V − W − its start|, relative to the energy that moves (largest T or change of V); 0 where it is rounding."""
-        return drift(self.kernels, self.t, self.q, self.qd, self.work, self.p)
+        return drift(self.kernels, Instants(self.t, self.q, self.qd, self.work), self.p)
 
     def thinned(self, count: int) -> Self:
         """Return the same motion at fewer times.
