@@ -61,8 +61,8 @@ class _Moved:
 
     def shown(self, link: int, homes: list[int]) -> int:
         """How many of its joint's motions the elements show that stand with a link."""
-        own = self.tree.own[link]
-        moved = [self.velocity[e, link][own.start : own.stop] for e in self._members(link) if homes[e] == link]
+        joint = self.tree.own[link]
+        moved = [self.velocity[e, link][joint.start : joint.stop] for e in self._members(link) if homes[e] == link]
         return int(np.linalg.matrix_rank(np.hstack(moved), tol=RELATIVE_TOLERANCE)) if moved else 0
 
     def _members(self, link: int) -> list[int]:

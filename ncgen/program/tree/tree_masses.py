@@ -58,27 +58,27 @@ def masses_of(
     masses (positions, nonzeros): values of M; together: as `TreeVelocities.moving_together`
     Raises NoTables where an entry belongs to no body that carries both of its elements.
     """
-    found, entries = TreeMasses(), defaultdict[tuple[int, int], dict[tuple[int, int], int]](dict)
+    entries_by_link, entries = TreeMasses(), defaultdict[tuple[int, int], dict[tuple[int, int], int]](dict)
     for (i, j), value in pattern.positions().items():
         if i == j and i in tree.measured:
             screw, ratio = tree.measured[i]
-            found.rotors.append((screw, value, ratio**2))
+            entries_by_link.rotors.append((screw, value, ratio**2))
         elif i >= j:
             if i not in tree.where or j not in tree.where:
                 raise NoTables("a mass couples coordinates of no body")
             (a, x), (b, y) = sorted((tree.where[i], tree.where[j]))
             entries[a, b][x, y] = value
     carriers = _carriers(tree, parameters, together)
-    carried = sorted((link, pair, share) for pair in entries for link, share in carriers(*pair).items())
-    for link, (a, b), share in carried:
+    carried = sorted((link, pair, fraction) for pair in entries for link, fraction in carriers(*pair).items())
+    for link, (a, b), fraction in carried:
         values = masses[:, list(entries[a, b].values())].T
         if all(x == y for x, y in entries[a, b]) and np.all(np.ptp(values, axis=1) <= 4 * np.finfo(float).eps * np.abs(values[:, 0])):
-            found.pairs.append((link, a, b, next(iter(entries[a, b].values()))))
-            found.pair_shares.append(share)
+            entries_by_link.pairs.append((link, a, b, next(iter(entries[a, b].values()))))
+            entries_by_link.pair_shares.append(fraction)
         else:
-            found.singles += [(link, a, x, b, y, value) for (x, y), value in sorted(entries[a, b].items())]
-            found.single_shares += [share] * len(entries[a, b])
-    return found
+            entries_by_link.singles += [(link, a, x, b, y, value) for (x, y), value in sorted(entries[a, b].items())]
+            entries_by_link.single_shares += [fraction] * len(entries[a, b])
+    return entries_by_link
 
 
 def _carriers(
@@ -90,7 +90,7 @@ def _carriers(
         users[element].append(link)
 
     @cache
-    def own(link: int) -> dict[tuple[Component, Component], float]:
+    def masses_alone(link: int) -> dict[tuple[Component, Component], float]:
         return _own_masses(tree.tree.links[link].body, parameters)
 
     def carriers(a: int, b: int) -> dict[int, float]:
@@ -102,7 +102,7 @@ def _carriers(
         if all(together[a, link] and together[b, link] for link in links):
             return {first: 1.0}
         components = tree.elements[a].components[0], tree.elements[b].components[0]
-        amounts = {link: own(link).get(components, 0.0) for link in links}
+        amounts = {link: masses_alone(link).get(components, 0.0) for link in links}
         whole = sum(amounts.values())
         if abs(whole) <= CANCELLED * sum(map(abs, amounts.values())):
             return {first: 1.0}

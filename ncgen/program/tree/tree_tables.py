@@ -27,7 +27,7 @@ POSITION_RESIDUAL = 1e-12
 MOST_STEPS = 30
 """Newton steps that close one."""
 
-FARTHEST = 10.0
+LARGEST_RESIDUAL = 10.0
 """The residual, in natural sizes, from which none closes."""
 
 LOOP_TOLERANCE = 1e-7
@@ -117,14 +117,14 @@ class OpenTree(TreeRows):
         across = self._across_loops()
         for _ in range(MOST_STEPS):
             sample = sample_at(q)
-            if not np.max(np.abs(sample.phi), initial=0.0) <= FARTHEST:
+            if not np.max(np.abs(sample.phi), initial=0.0) <= LARGEST_RESIDUAL:
                 break
             if np.max(np.abs(sample.phi if with_loops else np.delete(sample.phi, across)), initial=0.0) <= POSITION_RESIDUAL:
                 return sample
             q = q + self._step_of_links(sample, with_loops)
             if with_loops:
                 sample = sample_at(q)
-                if not np.max(np.abs(sample.phi), initial=0.0) <= FARTHEST:
+                if not np.max(np.abs(sample.phi), initial=0.0) <= LARGEST_RESIDUAL:
                     break
                 joints = np.linalg.lstsq(self._over_joints(sample, self.leading), -sample.phi[self.leading], rcond=RELATIVE_TOLERANCE)[0]
                 q = q + self.velocities(q, joints @ self._joint_rates())[: self.n]
@@ -176,9 +176,11 @@ class OpenTree(TreeRows):
         for link, slots in [(self.group[c], row), *with_copies]:
             entries = sample.phi_q[self.pattern.indptr[r] : self.pattern.indptr[r + 1]]
             others = np.array([j != c for j in row])
-            found = -(moved[:, list(slots)][:, others] @ entries[others]) / entries[~others]
+            if not np.all(entries[~others]):
+                continue
+            speeds = -(moved[:, list(slots)][:, others] @ entries[others]) / entries[~others]
             for k in self.own[link]:
-                ratios = found / rates[:, k]
+                ratios = speeds / rates[:, k]
                 if np.all(np.isfinite(ratios)) and np.ptp(ratios) <= RELATIVE_TOLERANCE * abs(ratios[0]):
                     exact = float(np.round(ratios[0])) if abs(abs(ratios[0]) - 1.0) < RELATIVE_TOLERANCE else float(ratios[0])
                     self.group[c], self.measured[c] = link, (k, exact)
@@ -240,8 +242,8 @@ class OpenTree(TreeRows):
         """Raise NoTables where a joint's motion moves nothing that stands with its link."""
         rates = self._joint_rates()
         moved = self._moved(q, rates)[:, : self.n] / self.around.columns
-        for link, own in enumerate(self.own):
-            free = np.any(rates[:, own] != 0, axis=1)
+        for link, joint in enumerate(self.own):
+            free = np.any(rates[:, joint] != 0, axis=1)
             coordinates = [c for c in self.unknowns[link] if c < self.n]
             if np.linalg.matrix_rank(moved[free][:, coordinates], tol=RELATIVE_TOLERANCE) < np.sum(free):
                 raise NoTables(f"what shows how {self.tree.links[link].body} moves stands with bodies at the other end of a loop")

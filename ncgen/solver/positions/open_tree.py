@@ -29,14 +29,14 @@ class KnownTree:
 
 def known_tree(kernels: Kernels, closes_loops: bool = False) -> KnownTree | None:
     """What runs need of `open_tree`, or of `tree_with_loops`, from the cache or made now."""
-    found = _found(kernels, closes_loops)
-    return found if isinstance(found, KnownTree) else None
+    record = _found(kernels, closes_loops)
+    return record if isinstance(record, KnownTree) else None
 
 
 def why_no_tables(kernels: Kernels) -> str | None:
     """Why a mechanism does not move in loops over tables, with its loops; None where it does."""
-    found = _found(kernels, closes_loops=True)
-    return None if known_tree(kernels) or isinstance(found, KnownTree) else found
+    record = _found(kernels, closes_loops=True)
+    return None if known_tree(kernels) or isinstance(record, KnownTree) else record
 
 
 def _found(kernels: Kernels, closes_loops: bool) -> KnownTree | str:
