@@ -132,3 +132,10 @@ def test_a_body_whose_elements_all_stand_with_others_is_named():
     kernels = ncgen.compile(ncgen.load("fourbar"), "numpy")
     assert tree_with_loops(kernels) is None
     assert why_no_tables(kernels) == "what shows how body coupler moves stands with bodies at the other end of a loop"
+
+
+def test_a_run_by_the_matrix_says_why():
+    """A planar chain of bars on the ground at both ends, too large to be emitted: each bar shares its two points."""
+    run = ncgen.simulate(ncgen.compile(example_module("nfourbar").build(70)), 0.01, points=2)
+    assert run.engine == "c"
+    assert "; the matrix, since what shows how body " in run.made_with

@@ -13,7 +13,7 @@ from ncgen.methods.table import AUTO
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.open_tree import KnownTree, known_tree, why_no_tables
 from ncgen.solver.positions.partition import choose_partitions
-from ncgen.solver.runs.choice import choose
+from ncgen.solver.runs.choice import Choice, choose
 from ncgen.solver.runs.run import COMPILED, Form, Run
 from ncgen.symbolic.tree import spanning_tree
 
@@ -90,6 +90,13 @@ def _closes_loops(kernels: Kernels, method: Method) -> bool:
 def _tree_with_loops(kernels: Kernels) -> KnownTree | None:
     """Of an open tree, or of one whose loops are closed by constraints."""
     return known_tree(kernels) or known_tree(kernels, closes_loops=True)
+
+
+def explained(kernels: Kernels, choice: Choice, run: Run, engine: str) -> str:
+    """The method and the engine that a run took, and why; of a large tree of bodies why it is the matrix, too."""
+    is_open = run.engine in (AUTO, COMPILED) and engine == "c" and run.number == "double"
+    matrix = why_matrix(kernels, choice.method) if is_open else ""
+    return f"{choice.method}, {engine}: {choice.why}" + (f"; {matrix}" if matrix else "")
 
 
 def why_matrix(kernels: Kernels, method: Method) -> str:

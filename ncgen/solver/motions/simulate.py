@@ -241,12 +241,6 @@ class _Motion:
         is_open = self.run.engine in (AUTO, COMPILED) and self.run.number == "double"
         return acceleration_forms.form_of(self.kernels, self.choice.method) if is_open else "dense"
 
-    def _why(self) -> str:
-        """Why the method is taken, and where it is that of a large tree of bodies the matrix."""
-        is_open = self.run.engine in (AUTO, COMPILED) and self.engine == "c" and self.run.number == "double"
-        matrix = acceleration_forms.why_matrix(self.kernels, self.choice.method) if is_open else ""
-        return f"{self.choice.why}; {matrix}" if matrix else self.choice.why
-
     def _go_on_implicit(self, form: Form) -> str | None:
         """Take the implicit method from where the path has come to: why that cannot be done in C, or None.
 
@@ -397,7 +391,7 @@ class _Motion:
             options=method.options,
             stopped=path.stopped is not None,
             number=run.number,
-            made_with=f"{method}, {self.engine}: {self._why()}",
+            made_with=acceleration_forms.explained(self.kernels, self.choice, run, self.engine),
             impulses=tuple(path.impulses),
             events=tuple(self.passage.happened),
             modes=modes,
