@@ -36,8 +36,6 @@ def tables_of(tree: OpenTree) -> TreeTables:
     per_link = np.bincount(tree.home, minlength=len(links)) if tree.home else np.zeros(len(links), dtype=int)
     members = [_members(tree, link) for link in links]
     meters = {k: number for number, (k, _) in enumerate(tree.measured.values())}
-    closing_entries, products = _closing(tree)
-    ways = [_way(tree, row) for row in tree.closing]
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
         "n_measured": len(tree.measured), "n_rotors": len(tree.masses.rotors),
@@ -68,19 +66,7 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "coupling": coupled.groups,
         "carrier": coupled.carriers,
         "rotors": _flat([rotor[:2] for rotor in tree.masses.rotors]),
-        "row_start": _starts([len(rows) for rows in tree.closes]),
-        "rows": _flat([list(rows) for rows in tree.closes]),
-        "slot_start": _starts([len(slots) for rows in tree.closes for slots in rows.values()]),
-        "slots": [slot for rows in tree.closes for slots in rows.values() for slot in slots],
-        "closing": tree.closing,
-        "opposed": tree.opposed,
-        "way_start": _starts([len(way) for way in ways]),
-        "way": _flat(ways),
-        "own_start": _starts([len(entries) for entries in closing_entries]),
-        "own": _flat(closing_entries),
-        "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),
-        "product_start": _starts([len(terms) for terms in products]),
-        "products": _flat([pair for terms in products for pair in terms]),
+        **_row_indices(tree),
     }
     numbers = {
         "weights": [weight for terms in tree.terms for weight, _ in terms],
@@ -95,6 +81,27 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "fixed": [component.initial for component in tree.fixed],
     }
     return TreeTables(counts, indices, numbers)
+
+
+def _row_indices(tree: OpenTree) -> dict[str, list[int]]:
+    """Of the rows that close links, and of those that close loops."""
+    closing_entries, products = _closing(tree)
+    ways = [_way(tree, row) for row in tree.closing]
+    return {
+        "row_start": _starts([len(rows) for rows in tree.closes]),
+        "rows": _flat([list(rows) for rows in tree.closes]),
+        "slot_start": _starts([len(slots) for rows in tree.closes for slots in rows.values()]),
+        "slots": [slot for rows in tree.closes for slots in rows.values() for slot in slots],
+        "closing": tree.closing,
+        "opposed": tree.opposed,
+        "way_start": _starts([len(way) for way in ways]),
+        "way": _flat(ways),
+        "own_start": _starts([len(entries) for entries in closing_entries]),
+        "own": _flat(closing_entries),
+        "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),
+        "product_start": _starts([len(terms) for terms in products]),
+        "products": _flat([pair for terms in products for pair in terms]),
+    }
 
 
 def _is_point(tree: OpenTree, element: int) -> float:
