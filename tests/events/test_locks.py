@@ -177,6 +177,19 @@ def test_a_ratchet_that_is_driven_back_at_the_start():
     assert np.all(run["P.y"] == 0.0) and run.energy_drift < 1e-13
 
 
+def test_several_ratchets_that_are_driven_back_at_the_start():
+    """Each takes the impulse of its own weight, and one that is thrown up none."""
+    m = ncgen.Model("row")
+    m.gravity((0, -G))
+    for k in range(3):
+        P = m.point(f"P{k}", (k, 0), fixed="x")
+        m.body(f"weight{k}", [P], mass=1.0 + k)
+        m.ratchet(P.y, name=f"pawl{k}")
+    run = ncgen.simulate(ncgen.compile(m), 0.1, qd0={"P0.y": 1.0, "P1.y": -3.0, "P2.y": -2.0}, points=2)
+    assert {event.name: event.impulse for event in run.events if event.impulse} == pytest.approx({"pawl1": 6.0, "pawl2": 6.0}, rel=1e-13)
+    assert run.q[-1] == pytest.approx([0.1 - G * 0.1**2 / 2, 0.0, 0.0], rel=1e-9, abs=1e-15)
+
+
 def test_a_ratchet_with_teeth():
     """Thrown up by v²/2g = 0.2 m over teeth of 0.03 m, it falls onto the sixth, 0.18 m, with √(2 g 0.02)."""
     kernels = winch(pitch=0.03)

@@ -46,7 +46,27 @@ def fivebar() -> Model:
     return m
 
 
+def cardan() -> Model:
+    """A spatial four-bar whose coupler hangs on a universal joint and a ball."""
+    m = Model("cardan")
+    A, D = m.point("A", (0, 0, 0), fixed=True), m.point("D", (0.6, 0, 0.3), fixed=True)
+    B, C = m.point("B", (0.2, 0, 0)), m.point("C", (0.6, 0.5, 0.3))
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    across, w = m.vector("across", (0, 1, 0)), m.vector("w", (0, 0.6, -0.8))
+    over = m.vector("over", (0.6, 0, 0.8))
+    inertia = [0.01, 0.02, 0.015]
+    crank = m.body("crank", [A, B], [z, across], mass=1.0, inertia=inertia)
+    coupler = m.body("coupler", [B, C], [over], mass=0.7, inertia=inertia)
+    m.body("rocker", [D, C], [x, w], mass=0.8, inertia=inertia)
+    m.universal(crank, coupler, B, across, over)
+    m.angle("psi", x, B - A, z)
+    m.independent("psi")
+    m.gravity((0, -9.81, 0))
+    return m
+
+
 MODELS = {
+    "cardan": (cardan, {"psi": 3.0}, {"psi"}),
     "fourbar": (lambda: ncgen.load("fourbar"), {}, {"psi"}),
     "fivebar": (fivebar, {}, {"first", "second"}),
     "excavator": (excavator, {}, {"lift", "crowd", "curl"}),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import sympy
 from driven_models import mass_on_a_slide
 from test_sensitivity import START, fourbar, mast
 
@@ -241,6 +242,42 @@ def test_a_rolling_disc_by_its_rates(method):
     rates = {name: found.qd[0, kernels.index[name]] for name in ("C.x", "u.x", "u.z")}
     ends = [ncgen.sensitivities(kernels, **at, zd0=rates | {"u.x": rates["u.x"] + step}, by=()).q for step in (1e-5, -1e-5)]
     np.testing.assert_allclose(found.q_by[:, :, 0], (ends[0] - ends[1]) / 2e-5, rtol=0, atol=1e-8)
+
+
+@pytest.fixture(scope="module")
+def cart():
+    """A carriage that is driven along x, a rod that hangs on it, and a point on a spring whose velocity along z follows that along y."""
+    m = ncgen.Model("cart")
+    a, g, k, fast = (m.parameter(name, value) for name, value in (("a", 0.7), ("g", 9.81), ("k", 20.0), ("fast", 2.0)))
+    O, x, z = m.point("O", (0, 0), fixed=True), m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    A, B, P = m.point("A", (0.1, 0), fixed="yz"), m.point("B", (0.1, -0.3), fixed="z"), m.point("P", (0.2, 0.1, 0.3))
+    m.body("rod", [A, B], mass=2.0, inertia=0.02)
+    m.body("ball", [P], mass=0.5)
+    m.angle("psi", x, B - A, z)
+    m.drive(A.x, 0.1 + 0.1 * sympy.sin(fast * m.time))
+    m.constrain_velocity(P.z.rate - a * P.x * P.y.rate)
+    m.spring(P, O, stiffness=k, damping=0.3, free_length=0.2)
+    m.gravity((0, -g, 0))
+    return ncgen.compile(m, "numpy")
+
+
+@pytest.mark.parametrize("method", ["rattle", "generalized-alpha", "energy-momentum"])
+def test_implicit_steps_of_a_driven_cart_by_differences(cart, method):
+    """Coordinates of several sizes, one that is driven, and a velocity constraint: by parameters and initial values."""
+    rates = {"psi": 3.0, "P.x": 0.5, "P.y": -0.4}
+    by = (*cart.parameters, "P.x", "P.y", "P.z", *(f"rate({name})" for name in rates))
+    found = ncgen.sensitivities(cart, 0.09, 3, zd0=rates, by=by, integrator=method)
+    for k, name in enumerate(by):
+        ends = []
+        for step in (1e-4, -1e-4):
+            p, q0, zd0 = (
+                dict(zip(*pair, strict=True)) for pair in ((cart.parameters, cart.p0), (cart.coordinates, cart.q0), (rates, rates.values()))
+            )
+            values = p if name in p else q0 if name in q0 else zd0
+            values[name.removeprefix("rate(").removesuffix(")")] += step
+            ends.append(ncgen.sensitivities(cart, 0.09, 3, by=(), p=p, q0=q0, zd0=zd0, integrator=method))
+        for derivative, one, other in ((found.q_by, ends[0].q, ends[1].q), (found.qd_by, ends[0].qd, ends[1].qd)):
+            np.testing.assert_allclose(derivative[:, :, k], (one - other) / 2e-4, rtol=0, atol=1e-7, err_msg=name)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -7,6 +7,7 @@ import pytest
 import ncgen
 from ncgen import ConvergenceError
 from ncgen.errors import SingularError
+from ncgen.mechanism import listening
 from ncgen.mechanism.listening import MOST_STAGES, STAGES, Progress
 
 
@@ -38,6 +39,13 @@ def test_a_run_that_arrives_goes_on():
 def test_a_run_that_does_not_arrive_ends():
     with pytest.raises(ConvergenceError, match=r"m: 4.0e\+06 evaluations came from t = 0 s to .* are left until 10 s; look"):
         hear(Progress(None, "m", end=10.0), 1.1 * MOST_STAGES / 9.9)
+
+
+def test_a_run_is_to_arrive_at_its_last_time(monkeypatch):
+    monkeypatch.setattr(listening, "STAGES", 1)
+    monkeypatch.setattr(listening, "MOST_STAGES", 1)
+    with pytest.raises(ConvergenceError, match=r" are left until 30 s; look"):
+        ncgen.simulate(ncgen.compile(ncgen.load("pendulum")), 30.0, points=4)
 
 
 def test_only_the_last_pace_counts():
