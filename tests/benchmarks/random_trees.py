@@ -48,7 +48,8 @@ class Measured:
 def drawn(number: int) -> tuple[int, int]:
     """Bodies and loops of a tree."""
     rng = np.random.default_rng([9, number])
-    return int(np.exp(rng.uniform(*np.log(BODIES)))), int(rng.integers(LOOPS[0], LOOPS[1] + 1))
+    bodies, loops = (int(rng.integers(least, most + 1)) for least, most in (BODIES, LOOPS))
+    return bodies, loops
 
 
 def measure(number: int) -> Measured:
