@@ -197,7 +197,7 @@ class Dynamics:
         work, integers = self._space(library, settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         start = self._start(initial, options.get("formalism", PARTITIONED))
-        pointers = [ffi.from_buffer(self.number.array, a) for a in (*start, times, out_q, out_qd, out_work, work)]
+        pointers = [real(a) for a in (*start, times, out_q, out_qd, out_work, work)]
         for each in called:
             each.begin()
         status = library.ncgen_simulate(
