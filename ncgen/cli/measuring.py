@@ -87,10 +87,9 @@ def compare(
     csv: Annotated[Path | None, typer.Option(help="write the records into this file [default: no file]", rich_help_panel=RESULTS)] = None,
     json_output: Json = False,
 ) -> None:
-    """Compare generated derivatives with functions of your own and with finite differences: error and time.
+    """Compare generated derivatives with hand-written ones and with finite differences: error and time.
 
-    Hand-written ones of the examples, and automatic differentiation by CasADi, JAX and SymForce, are compared with them by
-    tests/benchmarks/bench.py of the sources.
+    Automatic differentiation by CasADi, JAX and SymForce is compared with them by tests/benchmarks/bench.py of the sources.
     """
     from ncgen.comparisons.comparison import Comparison
     from ncgen.exchange.examples import load

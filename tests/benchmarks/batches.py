@@ -8,9 +8,9 @@ import numpy as np
 
 from benchmarks.derivative_parts import emitted_parts
 from benchmarks.falls import ToleranceArguments
-from benchmarks.foreign import own_start
 from benchmarks.loops import each
 from ncgen.comparisons.rivals import KERNELS
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernel_batch import CompiledBatch, available
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.run_arguments import InitialState

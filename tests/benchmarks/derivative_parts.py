@@ -8,9 +8,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from benchmarks.foreign import handwritten, own_start
 from benchmarks.loops import OPERATIONS, arithmetic
-from ncgen.comparisons.rivals import Inputs, exact, relative_error
+from ncgen.comparisons.rivals import Inputs, exact, handwritten, relative_error
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.method import Method

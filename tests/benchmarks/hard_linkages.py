@@ -23,7 +23,7 @@ def _sine_robot() -> Model:
 
 
 def _robot_error(run: Trajectory) -> float:
-    from benchmarks.foreign import handwritten
+    from ncgen.comparisons.rivals import handwritten
 
     module = handwritten(run.kernels)
     if module is None:

@@ -10,7 +10,6 @@ from rich.text import Text
 from benchmarks.batches import RUNS, STATES, batch_records
 from benchmarks.derivative_parts import arithmetic_rate, derivative_records
 from benchmarks.falls import fall_records
-from benchmarks.rivals import emitted_and_by_hand
 from ncgen.comparisons.rivals import KERNELS, Inputs, Others, exact, nobody, relative_error, rivals
 from ncgen.compiler import compile
 from ncgen.model import Model
@@ -49,7 +48,7 @@ def kernel_records(model: Model, rate: float, others: Others = nobody) -> list[d
     if not names:
         return []
     inputs = Inputs.typical(kernels)
-    tools = rivals(model, inputs, names) + emitted_and_by_hand(kernels, inputs, names) + others(kernels, inputs, names)
+    tools = rivals(model, inputs, names) + others(kernels, inputs, names)
     reference = {name: exact(kernels, name, inputs) for name in names}
     spent = measure({(rival.name, case): run for rival in tools for case, run in rival.runs.items()})
     records = []

@@ -6,7 +6,7 @@ import numpy as np
 
 import ncgen
 from benchmarks.derivative_parts import REFINED, emitted_parts
-from benchmarks.foreign import own_start
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.ir.blocks import Program

@@ -11,7 +11,6 @@ from benchmarks.batches import RUNS, STATES, batch_records
 from benchmarks.data import data_records
 from benchmarks.derivative_parts import RatedPart, arithmetic_rate, derivative_records
 from benchmarks.falls import fall_records
-from benchmarks.foreign import own_start
 from benchmarks.generation import generation_records
 from benchmarks.gradients import STEPS, gradient_records
 from benchmarks.libraries import MOTIONS, library_records
@@ -19,6 +18,7 @@ from benchmarks.libraries import STEPS as LIBRARY_STEPS
 from benchmarks.positions import worst_errors
 from benchmarks.rivals import articulated, lambdified
 from benchmarks.students import student_records
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.compiler import compile
 from ncgen.exchange.examples import example_names
 from ncgen.mechanism.library import CompiledKernels

@@ -7,10 +7,10 @@ import pytest
 
 import ncgen
 from benchmarks import falls, students
-from benchmarks.foreign import handwritten
 from benchmarks.measurements import _simulation_rows, kernel_records
 from benchmarks.positions import worst_errors
 from benchmarks.rivals import lambdified, octave
+from ncgen.comparisons.rivals import handwritten
 from ncgen.report import clock
 from ncgen.report.document import aligned
 
