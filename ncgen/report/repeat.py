@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 
     from ncgen.emit.sources import Sources
 
+SCALAR = (*FLAGS, "-fno-tree-vectorize", "-fno-tree-slp-vectorize")
+"""The arithmetic rate is that of single numbers, as in straight-line code."""
+
+OPERATIONS = 24
+"""Multiplications and additions in one turn of the loop of `ncgen_arithmetic`."""
+
 
 @cache
 def _timing() -> str:
@@ -32,7 +38,7 @@ def _timing() -> str:
 
 @cache
 def _repeater() -> tuple[Any, Any]:  # cffi's stubs know neither arrays of NumPy nor what a library declares
-    return load({"timing.c": _timing()} | runtime_files("ncgen.h"), marked(_timing(), "functions"), abi(), FLAGS)
+    return load({"timing.c": _timing()} | runtime_files("ncgen.h"), marked(_timing(), "functions"), abi(), SCALAR)
 
 
 @dataclass
@@ -60,6 +66,21 @@ def runner(t: float, q: ArrayLike, v: ArrayLike, p: ArrayLike, positions: Sequen
 
     def run(times: int, keep: object = (inputs, positions, velocity)) -> None:  # the pointers live as long as the buffers do
         library.ncgen_repeat(times, t, *pointers, *arguments)
+
+    return run
+
+
+def each(t: float, q: np.ndarray, v: np.ndarray, p: np.ndarray, function: object, moves: bool, out: np.ndarray) -> Run:
+    """A function run(times) that calls a kernel, one of the velocity if it `moves`, for every row of q and v, and fills rows of out."""
+    ffi, library = _repeater()
+    arrays = [np.ascontiguousarray(numbers(a, "rows")) for a in (q, v, p)]
+    q_rows, v_rows, parameters = (pointer(ffi, a, count=count) for a, count in zip(arrays, (q.size, q.size, p.size), strict=True))
+    results = pointer(ffi, out, count=len(q) * out.shape[1])
+    either = (ffi.NULL, function) if moves else (function, ffi.NULL)
+
+    def run(times: int) -> None:
+        for _ in range(times):
+            library.ncgen_each(len(q), t, q.shape[1], q_rows, v_rows, parameters, *either, out.shape[1], results)
 
     return run
 
@@ -92,3 +113,9 @@ def typed_runner(
         return turns
 
     return {name: run(name) for name in names}, out
+
+
+def arithmetic() -> Run:
+    """A function run(times): plain multiplications and additions, OPERATIONS of them each time."""
+    _, library = _repeater()
+    return lambda times: library.ncgen_arithmetic(times, 0.5, 0.25)

@@ -1,4 +1,4 @@
-"""Robots from files, from the file to a second of motion: `bench.py FILES --robots`.
+"""Robots from files, from the file to a second of motion: `ncgen bench robots`.
 
 Every measurement of a file is a process of its own, which is ended when the file's time is over, so that no file keeps the others waiting.
 MuJoCo and Pinocchio are given the same file without contacts, limits, dry friction and mimics; MuJoCo's error is against its own steps of
@@ -80,7 +80,7 @@ def robot_files(paths: Iterable[Path]) -> list[Path]:
             raise ModelError(f"{path}: no such file, and no folder with files that end with {', '.join(SUFFIXES)}")
         files += inside
     if not files:
-        raise ModelError("bench.py --robots: name robots' files (URDF, MJCF, SDF), or folders that hold some")
+        raise ModelError("bench robots: name robots' files (URDF, MJCF, SDF), or folders that hold some")
     return files
 
 
@@ -110,10 +110,9 @@ def robot_records(files: Iterable[Path], limit: float = LIMIT) -> Iterator[dict]
 
 def _in_child(stage: str, file: Path, folder: str, seconds: float, start: dict[str, float]) -> tuple[dict[str, Any], str | None]:
     """What one measurement printed up to its end or that of its time, and the reason why it did not come to its end."""
-    script = FIRST if stage in FIRSTS else f"from benchmarks.robots import {stage}; {stage}()"
+    script = FIRST if stage in FIRSTS else f"from ncgen.comparisons.robots import {stage}; {stage}()"
     command = [sys.executable, "-c", script, str(file), stage, json.dumps(start)]
-    path = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = os.environ | {"NCGEN_CACHE_DIR": folder, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": path}
+    environment = os.environ | {"NCGEN_CACHE_DIR": folder, "OPENBLAS_NUM_THREADS": "1"}
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         child = subprocess.Popen(command, env=environment, stdout=out, stderr=err, start_new_session=True, text=True)
         try:

@@ -1,10 +1,10 @@
-"""`bench.py FILES --robots`: every number of a file, and no file that keeps the others waiting."""
+"""`ncgen bench robots`: every number of a file, and no file that keeps the others waiting."""
 
 from pathlib import Path
 
 import pytest
 
-from benchmarks import robots
+from ncgen.comparisons import robots
 from ncgen.errors import ModelError
 
 FILES = Path(__file__).parents[1] / "robots"

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import quad
 from scipy.special import ellipj
 
-from benchmarks.case import GRAVITY, Case, root
+from ncgen.comparisons.case import GRAVITY, Case, root
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module, load
 from ncgen.model import Model
