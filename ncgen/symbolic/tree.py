@@ -68,8 +68,8 @@ class Tree:
         return links[::-1]
 
 
-def spanning_tree(model: Model) -> Tree:
-    """The tree of a model's bodies."""
+def spanning_tree(model: Model, keeps_ground: bool = False) -> Tree:
+    """The tree of a model's bodies. keeps_ground: whether a body that has elements which rest hangs on the ground, whatever its joint."""
     waiting, sliding = [body for body in model.bodies.values() if _is_solid(body)], sliding_of(model)
     loose = tuple(body for body in model.bodies.values() if not _is_solid(body))
     links: list[TreeLink] = []
@@ -81,20 +81,22 @@ def spanning_tree(model: Model) -> Tree:
     for body in waiting:
         for element in body.elements:
             users[element].append(body)
-    heap = [(len(best[body][1]), rank[body]) for body in waiting]
+    grounded = {body for body in waiting if keeps_ground and any(element.fixed for element in body.elements)}
+    heap = [(-1 if body in grounded else len(best[body][1]), rank[body]) for body in waiting]
     heapify(heap)
     taken: set[Body] = set()
     while heap:
         freedoms, number = heappop(heap)
         body = waiting[number]
-        if body in taken or freedoms != len(best[body][1]):
+        if body in taken or freedoms not in (-1, len(best[body][1])):
             continue
         taken.add(body)
         links.append(TreeLink(body, *best[body]))
         own_elements = set(body.elements)
         for other in {user: None for element in body.elements for user in users[element] if user not in taken}:
             shared = [e for e in other.elements if e in own_elements]
-            if len(screws := joint_between(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
+            screws = joint_between(other, shared, sliding.get(frozenset({body, other})))
+            if len(screws) < len(best[other][1]) and other not in grounded:
                 best[other] = (len(links) - 1, screws)
                 heappush(heap, (len(screws), rank[other]))
     home: dict[Spatial, int] = {}

@@ -38,8 +38,7 @@ static void clear_row(const ncgen_run *r, ncgen_tree_work *w, int row)
         w->force[phi_q->indices[s]] = 0;
 }
 
-/* x += accelerations of the coordinates of the open tree under the forces in w->force, where nothing else acts or moves. */
-static void respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
+void ncgen_tree_respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
 {
     const ncgen_tree *tree = w->tree;
     for (int k = 0; k < tree->n_screws; ++k)
@@ -177,6 +176,6 @@ int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         w->force[i] = 0;
     for (int k = 0; k < count; ++k)
         add_row(r, w, w->tree->closing[w->order[k]], w->missing[w->order[k]]);
-    respond(r, w, x);
+    ncgen_tree_respond(r, w, x);
     return !w->is_near_singular && count == w->most_independent;
 }

@@ -84,7 +84,8 @@ typedef struct ncgen_tree_work {
     ncgen_real *levers; /* 3 a member of a link */
     ncgen_real *joined; /* 6 a link of a group, then 6 a group for its carrier: momentum at rate 1 of the group's first screw */
     ncgen_real *group;  /* 2 a group: 1 / its pivot, and its push, then what is left for it */
-    ncgen_real *bias, *inertial; /* n */
+    ncgen_real *bias;            /* n */
+    ncgen_real *step;            /* n + n_copies: of a position */
     ncgen_real *jacobian;        /* values of Phi_q */
     ncgen_real *scaled;          /* ... in natural sizes of the coordinates */
     ncgen_real *gram, *right;    /* of the rows that close a link */
