@@ -15,6 +15,7 @@ from ncgen.exchange.examples import load
 from ncgen.model import Model
 from ncgen.report.precision import time_limit
 from ncgen.solver.runs.simulation_options import simulation_of
+from ncgen.solver.trajectories.energy import Instants, drift
 
 QUICK = (
     "robot",
@@ -77,6 +78,22 @@ def test_no_alarm_on_a_stroboscopic_grid(swing, points):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         ncgen.simulate(swing, 20 * period, points=points)
+
+
+def test_a_drift_below_a_limit_need_not_be_known(swing):
+    """It is 0 only where it is below the limit, and above the limit what it is: of a pendulum that swings, of one that hangs still, and
+    with energy that is added bit by bit."""
+    rows = np.zeros(2)
+    for q0 in ([1.0, 0.0], [0.0, -1.0]):
+        run = ncgen.simulate(swing, 1.0, q0=q0, points=12)
+        for added in (0.0, 1e-12, 1e-9, 1e-6, 1e-3, 1.0):
+            instants = Instants(run.t, run.q, run.qd, run.work + added * np.arange(12))
+            whole = drift(swing, instants, run.p)
+            for limit in (1e-10, 1e-7, 1e-4, 1e-2):
+                known = drift(swing, instants, run.p, limit=limit)
+                assert known == whole or (known == 0.0 and whole < limit)
+                rows += known == whole, known != whole
+    assert np.all(rows > 0)
 
 
 def test_the_true_alarm_stays():
