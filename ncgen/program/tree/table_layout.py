@@ -96,6 +96,8 @@ def _row_indices(tree: OpenTree) -> dict[str, list[int]]:
         "opposed": tree.opposed,
         "way_start": _starts([len(way) for way in ways]),
         "way": _flat(ways),
+        "reach_start": _starts([len(_reach(tree, way)) for way in ways]),
+        "reach": _flat([_reach(tree, way) for way in ways]),
         "own_start": _starts([len(entries) for entries in closing_entries]),
         "own": _flat(closing_entries),
         "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),
@@ -143,6 +145,12 @@ def _way(tree: OpenTree, row: int) -> list[int]:
     screws = {k: link for link, rates in enumerate(tree.own) for k in rates}
     touched = {tree.home[tree.where[c][0]] if c in tree.where else screws[tree.measured[c][0]] for c in tree.rows[row]}
     return sorted({link for each in touched for link in tree.tree.chain(each)}, reverse=True)
+
+
+def _reach(tree: OpenTree, way: Sequence[int]) -> list[int]:
+    """The screws of some links, and behind them all the groups to which links belong."""
+    groups = {tree.coupled.groups[link] for link in way} - {-1}
+    return [*(k for link in way for k in tree.own[link]), *(len(tree.screws) + group for group in sorted(groups))]
 
 
 def _starts(lengths: Sequence[int]) -> list[int]:

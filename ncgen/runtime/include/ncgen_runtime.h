@@ -123,6 +123,7 @@ typedef struct ncgen_tree {
     int n_closing;
     const int *closing;            /* rows that do not allow all that the joints do, such as those that close loops */
     const int *way_start, *way;    /* n_closing + 1: the links that carry a closing row's coordinates, with those before them, the last first */
+    const int *reach_start, *reach; /* n_closing + 1: the screws of these links, and their groups, numbered behind the screws */
     int n_opposed;
     const int *opposed;            /* closing rows and those that they imply */
 } ncgen_tree;

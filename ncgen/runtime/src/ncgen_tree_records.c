@@ -11,6 +11,8 @@ static void lay_out_loops(ncgen_run *r, ncgen_tree_work *w)
     const int count = w->tree->n_closing;
     w->are_there = w->is_near_singular = w->n_independent = w->most_independent = 0;
     w->left = ncgen_take(&r->space, (w->tree->n_screws + w->tree->n_groups) * count);
+    for (int i = 0; w->left && i < (w->tree->n_screws + w->tree->n_groups) * count; ++i)
+        w->left[i] = 0;
     w->weights = ncgen_take(&r->space, w->tree->n_screws + w->tree->n_groups);
     w->square = ncgen_take(&r->space, count * count);
     w->own = ncgen_take(&r->space, count);

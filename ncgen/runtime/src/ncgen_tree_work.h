@@ -96,8 +96,8 @@ typedef struct ncgen_tree_work {
     int are_there, is_near_singular; /* is the matrix of closing rows that of the position in `values`? Are closing rows about to depend on each other? */
     int n_independent, most_independent; /* closing rows here, and anywhere so far */
     ncgen_real *left, *weights;  /* n_screws + n_groups a closing row: what of a force along it every screw and group sees; their 1 / pivots */
-    ncgen_real *square, *own;    /* n_closing squared: the matrix of their products with rows, factored; its diagonal before */
-    ncgen_real *missing;         /* n_closing: of the rows, then multipliers */
+    ncgen_real *square, *own;    /* n_closing squared: the matrix of their products with rows, factored; its diagonal before, then multipliers */
+    ncgen_real *missing;         /* n_closing: of the rows */
     ncgen_real *gamma;           /* n_rows: of accelerations, or of positions */
     ncgen_real *still, *room;    /* n, n + 1 */
     int *order;                  /* n_closing: in which rows are eliminated */

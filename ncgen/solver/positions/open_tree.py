@@ -88,7 +88,7 @@ def _made(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
         )
     around = Around(kernels.q0, [partial(_look, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
     try:
-        tree = spanning_tree(kernels.model, keeps_ground=closes_loops)
+        tree = spanning_tree(kernels.model, closes_loops_last=closes_loops)
         return OpenTree(
             kernels.programs.equations, tree, (kernels.mass_pattern, kernels.phi_q_pattern), around, kernels.model.parameters, closes_loops
         )
