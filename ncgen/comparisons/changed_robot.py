@@ -7,11 +7,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeAlias
 
+from ncgen.exchange.robots import SUFFIXES
+
 FACTOR = 1.01
-LEAST = 1e-6
+MIN_NUMBER = 1e-6
 """Masses (kg) and lengths (m) above this are changed: smaller ones stand for none."""
 
-Place: TypeAlias = tuple[xml.Element, str | None]
+NumberLocation: TypeAlias = tuple[xml.Element, str | None]
 """Where a number stands: an element, and its attribute or None for its text."""
 
 
@@ -21,13 +23,15 @@ def changed_copy(file: Path, folder: Path) -> Path | None:
     Of URDF and SDF the middle mass is changed, of MJCF the middle mass of a body, or the first size of one. Meshes of URDF and SDF are
     pictures, without which a robot moves the same; MuJoCo computes inertias from those of MJCF.
     """
+    if file.suffix.lower() not in SUFFIXES:
+        return None
     tree = xml.parse(file)
     root = tree.getroot()
-    place = _place(root)
-    if place is None or _needs_files(root):
+    location = _chosen_number(root)
+    if location is None or _needs_files(root):
         return None
-    element, attribute = place
-    old = _first_word(place)
+    element, attribute = location
+    old = _first_word(location)
     new = repr(FACTOR * float(old))
     if attribute is None:
         element.text = new
@@ -47,8 +51,8 @@ def _needs_files(root: xml.Element) -> bool:
     )  # fmt: skip
 
 
-def _place(root: xml.Element) -> Place | None:
-    """The place of the number that is changed."""
+def _chosen_number(root: xml.Element) -> NumberLocation | None:
+    """The number that is changed."""
     if root.tag == "mujoco":
         bodies = [each for body in root.findall("worldbody/body") for each in body.iter() if each.tag in ("geom", "inertial")]
         masses, sizes = (_numbers((each, key) for each in bodies) for key in ("mass", "size"))
@@ -57,20 +61,20 @@ def _place(root: xml.Element) -> Place | None:
     return masses[len(masses) // 2] if masses else sizes[0] if sizes else None
 
 
-def _numbers(places: Iterable[Place]) -> list[Place]:
-    """Those where a number above LEAST stands: no parameter of xacro."""
-    found = []
-    for place in places:
+def _numbers(locations: Iterable[NumberLocation]) -> list[NumberLocation]:
+    """Those where a number above MIN_NUMBER stands: no parameter of xacro."""
+    large_enough = []
+    for location in locations:
         try:
-            if float(_first_word(place)) > LEAST:
-                found.append(place)
+            if float(_first_word(location)) > MIN_NUMBER:
+                large_enough.append(location)
         except ValueError:
             continue
-    return found
+    return large_enough
 
 
-def _first_word(place: Place) -> str:
+def _first_word(location: NumberLocation) -> str:
     """What stands there, of several sizes the first."""
-    element, attribute = place
+    element, attribute = location
     text = element.text if attribute is None else element.get(attribute)
     return next(iter((text or "").split()), "")

@@ -103,10 +103,10 @@ def robot_records(files: Iterable[Path], limit: float = LIMIT) -> Iterator[dict]
         record: dict[str, Any] = {"file": f"{file.parent.name}/{file.name}", "reason": None} | dict.fromkeys(NUMBERS)
         with tempfile.TemporaryDirectory() as folder:
             for stage in dict.fromkeys((*FIRSTS, "motion", *OPTIONAL)):
-                given = changed_copy(file, Path(folder)) if stage == "changed" else file
-                if given is None:
+                measured_file = changed_copy(file, Path(folder)) if stage == "changed" else file
+                if measured_file is None:
                     continue
-                results, reason = _in_child(stage, given, folder, end - time.perf_counter(), record.get("start", {}))
+                results, reason = _in_child(stage, measured_file, folder, end - time.perf_counter(), record.get("start", {}))
                 record |= results | {f"{stage}_reason" if stage in OPTIONAL else "reason": reason}
                 if record["reason"]:
                     break

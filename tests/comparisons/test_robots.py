@@ -61,6 +61,7 @@ def test_a_size_is_changed_where_no_mass_is_written(tmp_path):
 @pytest.mark.parametrize(
     "name, text",
     [
+        ("model.toml", "[model]"),
         ("mesh.xml", BALL.replace("<worldbody>", '<asset><mesh name="m" file="m.stl"/></asset><worldbody>')),
         ("parts.sdf", "<sdf><include><uri>arm</uri></include><model><link><inertial><mass>1</mass></inertial></link></model></sdf>"),
         ("light.urdf", '<robot name="a"><link name="b"><inertial><mass value="1e-7"/></inertial></link></robot>'),
