@@ -60,6 +60,8 @@ def _row_count(value: object) -> int | None:
 def _counts(value: object) -> Iterator[int]:
     named = isinstance(value, Mapping)
     for entry in list(value.values()) if named else [value]:
+        if isinstance(entry, (int, float)):
+            continue
         try:
             shape = np.shape(entry)  # type: ignore[arg-type]
         except ValueError:  # rows of different lengths, which the check of the argument refuses

@@ -68,8 +68,12 @@ class Tree:
         return links[::-1]
 
 
-def spanning_tree(model: Model) -> Tree:
-    """The tree of a model's bodies."""
+def spanning_tree(model: Model, closes_loops_last: bool = False) -> Tree:
+    """The tree of a model's bodies.
+
+    closes_loops_last: whether a body that has elements which rest hangs on the ground, whatever its joint, and of joints with as many
+        degrees of freedom the one that the model has first is taken, so that what its last joints add to bodies closes loops
+    """
     waiting, sliding = [body for body in model.bodies.values() if _is_solid(body)], sliding_of(model)
     loose = tuple(body for body in model.bodies.values() if not _is_solid(body))
     links: list[TreeLink] = []
@@ -81,28 +85,43 @@ def spanning_tree(model: Model) -> Tree:
     for body in waiting:
         for element in body.elements:
             users[element].append(body)
-    heap = [(len(best[body][1]), rank[body]) for body in waiting]
+    grounded = {body for body in waiting if closes_loops_last and any(element.fixed for element in body.elements)}
+    order = _order_of_joints(model) if closes_loops_last else {}
+    keys = [(-1 if body in grounded else len(best[body][1]), 0, number) for body, number in rank.items()]
+    heap = list(keys)
     heapify(heap)
     taken: set[Body] = set()
     while heap:
-        freedoms, number = heappop(heap)
-        body = waiting[number]
-        if body in taken or freedoms != len(best[body][1]):
+        key = heappop(heap)
+        body = waiting[key[-1]]
+        if body in taken or key != keys[key[-1]]:
             continue
         taken.add(body)
         links.append(TreeLink(body, *best[body]))
         own_elements = set(body.elements)
         for other in {user: None for element in body.elements for user in users[element] if user not in taken}:
             shared = [e for e in other.elements if e in own_elements]
-            if len(screws := joint_between(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
-                best[other] = (len(links) - 1, screws)
-                heappush(heap, (len(screws), rank[other]))
+            screws = joint_between(other, shared, sliding.get(frozenset({body, other})))
+            key = len(screws), order.get(frozenset({body, other}), len(order)), rank[other]
+            if key < keys[rank[other]]:
+                best[other], keys[rank[other]] = (len(links) - 1, screws), key
+                heappush(heap, key)
     home: dict[Spatial, int] = {}
     for number, link in enumerate(links):
         for element in link.body.elements:
             if not element.fixed:
                 home.setdefault(element, number)
     return Tree(tuple(links), loose, home)
+
+
+def _order_of_joints(model: Model) -> dict[frozenset[Body], int]:
+    """{two bodies: when the model first speaks of both of them}."""
+    order: dict[frozenset[Body], int] = {}
+    for fact in model.facts:
+        bodies = frozenset(argument for argument in fact.arguments.values() if isinstance(argument, Body))
+        if len(bodies) == 2:
+            order.setdefault(bodies, len(order))
+    return order
 
 
 def by_depth(tree: Tree) -> Tree:

@@ -51,7 +51,7 @@ def compare(seed: int, counts: Counter) -> str | None:
 
 def all_pairs(kernels: Kernels) -> bool:
     tree = tree_with_loops(kernels)
-    return tree is not None and not tree.singles
+    return tree is not None and not tree.masses.singles
 
 
 def look(seeds: list[int]) -> tuple[Counter, list[str]]:

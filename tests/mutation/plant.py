@@ -2,7 +2,7 @@
 
     python tests/mutation/measured.py                   # once: which test runs which line, in .coverage and .tests
     python tests/mutation/plant.py COUNT [SEED] [--room program emit solver runtime] [--part PART] [--seconds 40] [--cache FOLDER]
-                                   [--log FILE [--again]] [--workers 1]
+                                   [--log FILE [--again [--tests FILE …]]] [--workers 1]
 
 A fault is one small change of a source (`faults.py` says of what kind). It is made in a copy of the repository, where those tests that run
 its line, the quick ones first, run until one fails or the seconds of the processor are over; a test that does not end notices, too. What
@@ -12,8 +12,8 @@ has looked at and judged so stand in `unseen.toml` with the reason, and the rate
 
 A seed gives the same faults as long as the sources are the same. --part takes those in files whose path contains it. --log keeps what has
 been found in a file, and what stands there is not planted again: an interrupted run goes on, and the rate that it prints is that of all;
-with --again what survived is planted once more. --workers says how many are planted at a time, and --cache keeps what tests have compiled
-for later runs.
+with --again what survived is planted once more, and with --tests only these run, as where a test has been written. --workers says how many
+are planted at a time, and --cache keeps what tests have compiled for later runs.
 """
 
 from __future__ import annotations
@@ -114,12 +114,12 @@ def drawn(rooms: list[str], number: int, seed: int, part: str = "") -> list[Faul
     return list(islice(_once(filter(is_source, offered)), number))
 
 
-def plant(chosen: list[Fault], folder: Path, seconds: float, log: Log) -> None:
-    """Plant faults in a copy in a new folder, and remember and print what becomes of each."""
-    planted, reached = Planted(folder), Reached()
+def plant(chosen: list[Fault], folder: Path, seconds: float, log: Log, tests: list[str] | None) -> None:
+    """Plant faults in a copy in a new folder, and remember and print what becomes of each; tests: None for those of its line."""
+    planted, reached = Planted(folder), None if tests else Reached()
     os.environ["PYTHONPATH"] = str(planted.copy)
     for fault in chosen:
-        by = planted.noticed_by(fault, reached.tests(fault), seconds)
+        by = planted.noticed_by(fault, reached.tests(fault) if reached else tests or [], seconds)
         log.add(fault, by)
         print(judged(fault, by)[1], flush=True)
 
@@ -149,6 +149,7 @@ def main() -> None:
     asked.add_argument("--part", default="")
     asked.add_argument("--log", type=Path)
     asked.add_argument("--again", action="store_true")
+    asked.add_argument("--tests", nargs="+")
     asked.add_argument("--workers", type=int, default=1)
     asked.add_argument("--cache", type=Path)
     given = asked.parse_args()
@@ -158,12 +159,17 @@ def main() -> None:
         log = Log(given.log or Path(folder) / "log")
         known = log.found()
         missing = [
-            fault for fault in chosen if str(fault) not in known or given.again and judged(fault, known[str(fault)])[0] == "survived"
+            fault
+            for fault in chosen
+            if (given.again and judged(fault, known[str(fault)])[0] == "survived" if str(fault) in known else not given.tests)
         ]
         # One cache for all faults: what lies there is found by all that made it, so it belongs to sources without the fault or with it.
         os.environ |= {"NCGEN_TEST_CACHE": str((given.cache or Path(folder) / "cache").resolve()), "OPENBLAS_NUM_THREADS": "1"}
         warm_up()
-        shares = [(missing[k :: given.workers], Path(folder) / str(k), given.seconds, log) for k in range(given.workers)]
+        shares = [
+            (missing[k :: given.workers], Path(folder) / str(k), given.seconds, log, given.tests)
+            for k in range(min(given.workers, len(missing)))
+        ]
         processes = [get_context("fork").Process(target=plant, args=share, daemon=True) for share in shares]
         for process in processes:
             process.start()
@@ -171,7 +177,7 @@ def main() -> None:
             process.join()
         found = log.found()
     tally = {room: Counter[str]() for room in given.room}
-    for fault in chosen:
+    for fault in (fault for fault in chosen if str(fault) in found):
         tally[fault.room][judged(fault, found[str(fault)])[0]] += 1
     for room in given.room:
         print(told(room, tally[room]))

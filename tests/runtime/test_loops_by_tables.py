@@ -10,16 +10,18 @@ import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
+from ncgen.report.derivative import matrix
 from ncgen.solver.engines import acceleration_forms
-from ncgen.solver.positions.open_tree import open_tree, tree_with_loops
+from ncgen.solver.positions.open_tree import open_tree, tree_with_loops, why_no_tables
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
 
 TREE = example_module("tree").build
 
 
-@pytest.fixture(scope="module", params=[(10, 1, 2), (10, 8, 2), (12, 5, 0)], ids=str)
+@pytest.fixture(scope="module", params=[(10, 1, 2), (10, 8, 2), (12, 5, 0), (10, 3, 2), (12, 17, 4)], ids=str)
 def kernels(request):
-    """Bodies, seed, loops; universal joints and screws have a row more than their motions."""
+    """Bodies, seed, loops; universal joints and screws have a row more than their motions. In the last two, bodies share elements at the
+    ends of loops, in the last with mass between them and with measured joints."""
     made = ncgen.compile(TREE(*request.param, False), backend="c")
     assert open_tree(made) is None and tree_with_loops(made).closing
     return made
@@ -84,9 +86,60 @@ def test_a_large_tree_of_all_joints_takes_tables_by_itself():
 def test_implicit_methods_take_the_matrix():
     """They need the degrees of freedom that loops leave."""
     kernels = ncgen.compile(TREE(40, 2, 0, False))
-    forms = [acceleration_forms.form_of(kernels, Method.of("lagrange", name)) for name in ("dop853", "radau")]
-    assert forms == ["tree", "dense"]
+    methods = [Method.of("lagrange", name) for name in ("dop853", "radau")]
+    assert [acceleration_forms.form_of(kernels, method) for method in methods] == ["tree", "dense"]
+    reasons = [acceleration_forms.why_matrix(kernels, method) for method in methods]
+    assert reasons == ["", "the matrix, since loops leave implicit methods no tables"]
 
 
-def test_a_mass_between_two_ends_of_a_loop_has_no_tables():
-    assert tree_with_loops(ncgen.compile(TREE(10, 3, 2, False), "numpy")) is None
+@pytest.mark.parametrize("number", range(12))
+def test_random_trees_with_loops_have_tables(number):
+    """Whatever their bodies share at the ends of loops; all links are closed by their rows, and closing rows imply the others."""
+    rng = np.random.default_rng([6, number])
+    kernels = ncgen.compile(TREE(int(rng.integers(10, 60)), number, int(rng.integers(1, 7)), False), "numpy")
+    tree = tree_with_loops(kernels)
+    assert tree is not None, why_no_tables(kernels)
+    assert set(tree.closing) <= set(tree.opposed)
+    joints = len(tree.screws) - len(tree.coupled.leaders)
+    assert joints - len(tree.closing) == kernels.n - np.linalg.matrix_rank(scaled_jacobian(kernels, kernels.q0), tol=1e-7)
+
+
+def test_shared_mass_is_that_of_the_matrix_where_loops_are_closed():
+    """By links and by the matrix: the same energy at all velocities that loops allow, though not at others."""
+    kernels = ncgen.compile(TREE(16, 38, 6, False), "numpy")
+    tree = tree_with_loops(kernels)
+    assert any(share != 1 for share in tree.masses.pair_shares) and any(share != 1 for share in tree.masses.single_shares)
+    q, unit = kernels.q0, np.eye(len(tree.screws))
+    masses, links = kernels.values("mass", 0.0, q, None, kernels.p0), np.zeros((len(unit), len(unit)))
+    for (link, a, b, value), share in zip(tree.masses.pairs, tree.masses.pair_shares, strict=True):
+        first, second = (tree.carried(q, unit, np.array([e]), [link])[:, 0] for e in (a, b))
+        links += share * masses[value] * (first @ second.T if a == b else first @ second.T + second @ first.T)
+    for (link, a, x, b, y, value), share in zip(tree.masses.singles, tree.masses.single_shares, strict=True):
+        first, second = (tree.carried(q, unit, np.array([e]), [link])[:, 0, axis] for e, axis in ((a, x), (b, y)))
+        product = share * masses[value] * np.outer(first, second)
+        links += product if (a, x) == (b, y) else product + product.T
+    for screw, value, gear in tree.masses.rotors:
+        links[screw, screw] += gear * masses[value]
+    T = tree.velocities(q, unit)[:, : kernels.n].T
+    matrix = T.T @ kernels.mass(q) @ T
+    allowed = null_space(kernels.phi_q(q).toarray()[tree.opposed] @ T, rcond=1e-9)
+    assert allowed.T @ links @ allowed == pytest.approx(allowed.T @ matrix @ allowed, abs=1e-12)
+    assert np.max(np.abs(links - matrix)) > 1e-3
+    assert np.linalg.eigvalsh(links)[0] > 0
+
+
+def test_a_body_whose_elements_all_stand_with_others_is_named():
+    """A coupler shares both its points, the second at the end of the loop."""
+    kernels = ncgen.compile(ncgen.load("fourbar"), "numpy")
+    assert tree_with_loops(kernels) is None
+    assert why_no_tables(kernels) == "what shows how body coupler moves stands with bodies at the other end of a loop"
+
+
+def test_a_run_by_the_matrix_says_why():
+    """A planar chain of bars on the ground at both ends, too large to be emitted: each bar shares its two points."""
+    kernels = ncgen.compile(example_module("nfourbar").build(70))
+    run = ncgen.simulate(kernels, 0.01, points=2)
+    assert run.engine == "c"
+    assert run.made_with.endswith(f"; {matrix(kernels)}")
+    assert matrix(kernels).startswith("the matrix, since what shows how body ")
+    assert matrix(ncgen.compile(TREE(40, 2, 0, False), "numpy")) is None

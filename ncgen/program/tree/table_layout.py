@@ -36,12 +36,11 @@ def tables_of(tree: OpenTree) -> TreeTables:
     per_link = np.bincount(tree.home, minlength=len(links)) if tree.home else np.zeros(len(links), dtype=int)
     members = [_members(tree, link) for link in links]
     meters = {k: number for number, (k, _) in enumerate(tree.measured.values())}
-    closing_entries, products = _closing(tree)
-    ways = [_way(tree, row) for row in tree.closing]
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
-        "n_measured": len(tree.measured), "n_rotors": len(tree.rotors),
+        "n_measured": len(tree.measured), "n_rotors": len(tree.masses.rotors),
         "n_groups": len(tree.coupled.carriers), "n_closing": len(tree.closing),
+        "n_copies": len(tree.sizes) - tree.n, "n_opposed": len(tree.opposed),
         "most_rows": max(map(len, tree.closes)), "most_members": max(map(len, members)),
     }  # fmt: skip
     indices = {
@@ -54,29 +53,20 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "terms": [c for terms in tree.terms for _, components in terms for c in components],
         "element_start": _starts(per_link.tolist()),
         "elements": _flat(tree.components),
-        "pair_start": _starts(_count(len(links), [pair[0] for pair in tree.pairs])),
+        "pair_start": _starts(_count(len(links), [pair[0] for pair in tree.masses.pairs])),
         "member_start": _starts([len(each) for each in members]),
         "members": [c for each, link in zip(members, links, strict=True) for e in each for c in _components(tree, link, e)],
         "mass_start": _starts([1 + len(each) + len(each) ** 2 for each in members]),
-        "pairs": _flat([(_place(members[link], a), _place(members[link], b), value) for link, a, b, value in tree.pairs]),
-        "single_start": _starts(_count(len(links), [single[0] for single in tree.singles])),
-        "singles": _flat([single[1:] for single in tree.singles]),
+        "pairs": _flat([(_place(members[link], a), _place(members[link], b), value) for link, a, b, value in tree.masses.pairs]),
+        "single_start": _starts(_count(len(links), [single[0] for single in tree.masses.singles])),
+        "singles": _flat([single[1:] for single in tree.masses.singles]),
         "measured": _flat([(c, k) for c, (k, _) in tree.measured.items()]),
         "meter": [meters.get(k, -1) for k in screws],
         "leader": [coupled.leaders[k][0] if k in coupled.leaders else -1 for k in screws],
         "coupling": coupled.groups,
         "carrier": coupled.carriers,
-        "rotors": _flat([rotor[:2] for rotor in tree.rotors]),
-        "row_start": _starts([len(rows) for rows in tree.closes]),
-        "rows": _flat(tree.closes),
-        "closing": tree.closing,
-        "way_start": _starts([len(way) for way in ways]),
-        "way": _flat(ways),
-        "own_start": _starts([len(entries) for entries in closing_entries]),
-        "own": _flat(closing_entries),
-        "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),
-        "product_start": _starts([len(terms) for terms in products]),
-        "products": _flat([pair for terms in products for pair in terms]),
+        "rotors": _flat([rotor[:2] for rotor in tree.masses.rotors]),
+        **_row_indices(tree),
     }
     numbers = {
         "weights": [weight for terms in tree.terms for weight, _ in terms],
@@ -85,10 +75,35 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "member_is_point": [1.0 if e is None else _is_point(tree, e) for each in members for e in each],
         "ratios": [ratio for _, ratio in tree.measured.values()],
         "ratio": [coupled.leaders[k][1] if k in coupled.leaders else 1.0 for k in screws],
-        "gears": [rotor[2] for rotor in tree.rotors],
+        "pair_shares": tree.masses.pair_shares,
+        "single_shares": tree.masses.single_shares,
+        "gears": [rotor[2] for rotor in tree.masses.rotors],
         "fixed": [component.initial for component in tree.fixed],
     }
     return TreeTables(counts, indices, numbers)
+
+
+def _row_indices(tree: OpenTree) -> dict[str, list[int]]:
+    """Of the rows that close links, and of those that close loops."""
+    closing_entries, products = _closing(tree)
+    ways = [_way(tree, row) for row in tree.closing]
+    return {
+        "row_start": _starts([len(rows) for rows in tree.closes]),
+        "rows": _flat([list(rows) for rows in tree.closes]),
+        "slot_start": _starts([len(slots) for rows in tree.closes for slots in rows.values()]),
+        "slots": [slot for rows in tree.closes for slots in rows.values() for slot in slots],
+        "closing": tree.closing,
+        "opposed": tree.opposed,
+        "way_start": _starts([len(way) for way in ways]),
+        "way": _flat(ways),
+        "reach_start": _starts([len(_reach(tree, way)) for way in ways]),
+        "reach": _flat([_reach(tree, way) for way in ways]),
+        "own_start": _starts([len(entries) for entries in closing_entries]),
+        "own": _flat(closing_entries),
+        "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),
+        "product_start": _starts([len(terms) for terms in products]),
+        "products": _flat([pair for terms in products for pair in terms]),
+    }
 
 
 def _is_point(tree: OpenTree, element: int) -> float:
@@ -98,7 +113,9 @@ def _is_point(tree: OpenTree, element: int) -> float:
 def _members(tree: OpenTree, link: int) -> list[int | None]:
     """Elements between which a link's body has mass that is the same along all axes, without the reference point; at least
     LEAST_MEMBERS, of which None is the reference point without mass."""
-    elements = sorted({e for pair in tree.pairs if pair[0] == link for e in pair[1:3] if tree.components[e] != tree.references[link]})
+    elements = sorted(
+        {e for pair in tree.masses.pairs if pair[0] == link for e in pair[1:3] if tree.components[e] != tree.references[link]}
+    )
     return [*elements, *[None] * (LEAST_MEMBERS - len(elements))]
 
 
@@ -112,12 +129,12 @@ def _place(members: Sequence[int | None], element: int) -> int:
 
 
 def _closing(tree: OpenTree) -> tuple[list[list[int]], list[list[tuple[int, int]]]]:
-    """Of every row, link by link, the entries of Φ_q that belong to coordinates of its link, and of every product of two rows of a link,
+    """Of every row, link by link, the entries of Φ_q that stand for coordinates and copies of its link, and of every product of two rows,
     below the diagonal and on it, the pairs of entries that it consists of."""
     closing_entries: list[list[int]] = []
     products: list[list[tuple[int, int]]] = []
-    for link, rows in enumerate(tree.closes):
-        entries = [{c: tree.pattern.indptr[r] + k for k, c in enumerate(tree.rows[r]) if tree.group[c] == link} for r in rows]
+    for rows, unknowns in zip(tree.closes, map(set, tree.unknowns), strict=True):
+        entries = [{c: tree.pattern.indptr[r] + k for k, c in enumerate(slots) if c in unknowns} for r, slots in rows.items()]
         closing_entries += [list(each.values()) for each in entries]
         products += [[(s, other[c]) for c, s in one.items() if c in other] for i, one in enumerate(entries) for other in entries[: i + 1]]
     return closing_entries, products
@@ -128,6 +145,12 @@ def _way(tree: OpenTree, row: int) -> list[int]:
     screws = {k: link for link, rates in enumerate(tree.own) for k in rates}
     touched = {tree.home[tree.where[c][0]] if c in tree.where else screws[tree.measured[c][0]] for c in tree.rows[row]}
     return sorted({link for each in touched for link in tree.tree.chain(each)}, reverse=True)
+
+
+def _reach(tree: OpenTree, way: Sequence[int]) -> list[int]:
+    """The screws of some links, and behind them all the groups to which links belong."""
+    groups = {tree.coupled.groups[link] for link in way} - {-1}
+    return [*(k for link in way for k in tree.own[link]), *(len(tree.screws) + group for group in sorted(groups))]
 
 
 def _starts(lengths: Sequence[int]) -> list[int]:

@@ -75,10 +75,11 @@ typedef struct ncgen_motion {
  *
  * Links stand after their parents. A screw turns about the reference point of its link, or moves along an axis, which is a sum of weighted
  * elements. Elements stand with the link nearest to the ground that they move with. A pair of elements of one body has mass M I, a single
- * entry of the mass matrix is one that is not of that form. A measured coordinate grows `ratio` times as fast as its screw. Rows close
- * the position link by link: none of them has coordinates of later links. */
+ * entry of the mass matrix is one that is not of that form; bodies that share elements at the end of a loop share what is between these.
+ * A measured coordinate grows `ratio` times as fast as its screw. Rows close the position link by link: none of them has coordinates of
+ * later links. What moves with a link only where loops are closed has a copy there, a number behind the coordinates. */
 typedef struct ncgen_tree {
-    int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors, n_groups;
+    int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors, n_groups, n_copies;
     int most_rows, most_members;   /* of a link */
     const int *parent;             /* of a link; -1: the ground */
     const int *reference;          /* 3 components of a point of each link */
@@ -99,8 +100,10 @@ typedef struct ncgen_tree {
     const int *pair_start;         /* n_links + 1 */
     const int *pairs;              /* 3 of each pair: two members of its link, number of its value in the mass matrix; the number behind
                                     * the last member is the reference point */
+    const ncgen_scalar *pair_shares;   /* of a pair: the link's share of that value */
     const int *single_start;       /* n_links + 1 */
     const int *singles;            /* 5 of each entry: element and axis, element and axis, number of its value */
+    const ncgen_scalar *single_shares;
     const int *measured;           /* 2 of each measured coordinate: itself, its screw */
     const ncgen_scalar *ratios;
     const int *meter;              /* of a screw: the number of the measured coordinate that gives its rate; -1: elements do */
@@ -111,14 +114,18 @@ typedef struct ncgen_tree {
     const int *rotors;             /* 2 of each inertia along a measured coordinate: its screw, number of its value in the mass matrix */
     const ncgen_scalar *gears;     /* ratios squared */
     const int *row_start, *rows;   /* n_links + 1: the rows that close a link */
-    const int *own_start, *own;    /* of the rows in this order, one more: entries of Phi_q of the link's own coordinates */
+    const int *slot_start, *slots; /* of the rows in this order, one more: the coordinate, or copy, that each entry of Phi_q stands for */
+    const int *own_start, *own;    /* the same: entries of Phi_q of the link's own coordinates and copies */
     const int *entry_start;        /* n_links: where its products of two rows begin, below the diagonal and on it */
     const int *product_start;      /* of such a product, one more */
     const int *products;           /* 2 of each term: entries of Phi_q */
     const ncgen_scalar *fixed;     /* values of the fixed components */
     int n_closing;
-    const int *closing;            /* rows that do not allow all that the joints do, such as those that close loops; of no link */
+    const int *closing;            /* rows that do not allow all that the joints do, such as those that close loops */
     const int *way_start, *way;    /* n_closing + 1: the links that carry a closing row's coordinates, with those before them, the last first */
+    const int *reach_start, *reach; /* n_closing + 1: the screws of these links, and their groups, numbered behind the screws */
+    int n_opposed;
+    const int *opposed;            /* closing rows and those that they imply */
 } ncgen_tree;
 
 typedef struct ncgen_dynamics {

@@ -219,14 +219,25 @@ static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_sc
     return ncgen_is_finite(r->n, r->qd);
 }
 
-/* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none; enough: as above. */
-static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near, ncgen_scalar enough)
+/* Is a step whose end the recursion does not close better repeated than closed by the matrix? In loops over tables the matrix, which is large,
+ * costs as much as hundreds of evaluations, and a step of a quarter of the length closes mostly. */
+static int is_repeated_first(const ncgen_run *r, int precise)
+{
+    const ncgen_constrained *w = r->constrained;
+    return !precise && w->is_recursive && !w->motion && !w->uses_matrix && r->dynamics->tree && r->dynamics->tree->n_closing;
+}
+
+/* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none; enough: as above;
+ * precise: whether nothing is tried before the matrix but the recursion. */
+static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near, ncgen_scalar enough, int precise)
 {
     ncgen_constrained *w = r->constrained;
     int status = NCGEN_OK;
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
     if (!w->is_recursive || w->uses_matrix || !close_by_recursion(r, w, t, enough)) {
+        if (is_repeated_first(r, precise))
+            return NCGEN_NOT_CONVERGED;
         ncgen_copy(r->n, y, r->qd);
         ncgen_copy(r->n, y + r->n, r->q);
         const long steps = r->statistics->newton_steps;
@@ -248,7 +259,7 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
 int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
 {
     ncgen_copy(r->n, y + r->n, r->constrained->solution);
-    const int status = project(r, t, y, r->constrained->is_factored && !ncgen_constrained_is_dense(r) && !precise, 0);
+    const int status = project(r, t, y, r->constrained->is_factored && !ncgen_constrained_is_dense(r) && !precise, 0, precise);
     for (int i = 0; i < r->n; ++i)
         r->constrained->solution[i] -= y[r->n + i];
     const ncgen_real moved = ncgen_constrained_size(r, r->constrained->solution);
@@ -264,7 +275,7 @@ int ncgen_projected_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
     r->constrained->is_reusable = 0;
     if (r->options->project || ncgen_is_stepper(r->options))
-        return project(r, t, y, 0, r->options->rtol); /* what is looked at is not gone on from */
+        return project(r, t, y, 0, r->options->rtol, 1); /* what is looked at is not gone on from */
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
     return NCGEN_OK;

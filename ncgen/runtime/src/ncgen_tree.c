@@ -143,25 +143,6 @@ static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen
     return status;
 }
 
-/* Where there is mass that is not the same along all axes: no wrenches, and forces less M b, where b are the accelerations
- * without those of the joints. */
-static void take_inertial(ncgen_run *r, ncgen_tree_work *w)
-{
-    const ncgen_tree *tree = w->tree;
-    const ncgen_tree_element *element = w->element;
-    for (int link = 0; link < tree->n_links; ++link) {
-        ncgen_tree_link *own = w->link + link;
-        spread_change(element, own->n_elements, own->twist, own->change, w->moved);
-        element += own->n_elements;
-        ncgen_set6(ncgen_nothing, own->wrench);
-    }
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->moved[tree->measured[2 * i]] = 0;
-    ncgen_times_mass(r, w->mass, w->moved, w->inertial);
-    for (int i = 0; i < r->n; ++i)
-        w->force[i] -= w->inertial[i];
-}
-
 /* What forces along the coordinates give the joints; 0 where one of them moves nothing. */
 static int solve(ncgen_tree_work *w)
 {
@@ -196,7 +177,7 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     if (ncgen_forces(r, t, q, out, w->force) != NCGEN_OK)
         is_regular = 0;
     if (!ncgen_has_pairs_alone(w))
-        take_inertial(r, w);
+        ncgen_tree_push_singles(w);
     is_regular &= solve(w);
     const ncgen_tree_element *element = w->element;
     for (const ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; element += own->n_elements, ++own) {
@@ -216,29 +197,30 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     out[2 * n + 1] = growth_of(is_regular && ncgen_is_finite(2 * n, out));
 }
 
-/* What is left of the velocities, x, has the momentum T'M x over the rates, which changes them by (T'M T)^-1 T'M x. */
+/* Momenta and pivots where nothing acts; 0 where a joint moves nothing. */
+static int factor(const ncgen_run *r, ncgen_tree_work *w)
+{
+    for (int i = 0; i < r->n; ++i)
+        w->force[i] = 0;
+    return w->is_factored ? w->is_regular : solve(w);
+}
+
+/* What is left of the velocities, x, has the momentum T'M x over the rates, which changes them by (T'M T)^-1 T'M x. Loops are closed
+ * before, too: there alone is the shared mass of bodies that share elements what the matrix has. */
 void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
 {
-    const int n = r->n;
-    const ncgen_tree *tree = w->tree;
+    const int n = r->n, closes_loops = w->tree->n_closing > 0;
     ncgen_tree_mass_at(r, w, t, q);
     int is_regular = go_outward(r, w, q, qd, 0) == NCGEN_OK;
-    for (int i = 0; i < n; ++i)
-        w->bias[i] = qd[i] - w->moved[i];
-    ncgen_times_mass(r, w->mass, w->bias, w->force);
-    is_regular &= solve(w);
-    const ncgen_tree_element *element = w->element;
-    for (const ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; element += own->n_elements, ++own) {
-        ncgen_real twist[6];
-        ncgen_set6(own->twist, twist);
-        ncgen_add_times(1, own->wrench, twist);
-        ncgen_add_times(1, own->wrench + 3, twist + 3);
-        spread_twist(element, own->n_elements, twist, w->moved);
-    }
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->moved[tree->measured[2 * i]] += tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
     ncgen_copy(n, w->moved, out);
-    if (tree->n_closing)
+    is_regular &= factor(r, w);
+    if (closes_loops)
+        is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
+    for (int i = 0; i < n; ++i)
+        w->bias[i] = qd[i] - out[i];
+    ncgen_times_mass(r, w->mass, w->bias, w->force);
+    ncgen_tree_respond(r, w, out);
+    if (closes_loops)
         is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
     out[n] = growth_of(is_regular && ncgen_is_finite(n, out));
 }

@@ -106,4 +106,7 @@ static inline void ncgen_set_wrench(const ncgen_real *second, ncgen_real total, 
 /* What mass that is not the same along all axes adds to the inertias of the links. */
 void ncgen_tree_add_singles(ncgen_tree_work *w);
 
+/* What it takes to move that mass without accelerations of the joints, from the wrenches. */
+void ncgen_tree_push_singles(ncgen_tree_work *w);
+
 #endif

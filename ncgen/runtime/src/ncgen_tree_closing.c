@@ -3,33 +3,41 @@
 #include "ncgen_tree_loops.h"
 #include "ncgen_tree_positions.h"
 
-/* The right sides of the rows that close a link: `step` is zero for its own coordinates. */
-NCGEN_SHORT_LOOPS static void find_right(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, const ncgen_real *step)
+/* The right sides of the rows that close a link: the step is zero for its own coordinates. */
+NCGEN_SHORT_LOOPS static void find_right(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi)
 {
     const ncgen_tree *tree = w->tree;
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
     const int first = tree->row_start[link], count = tree->row_start[link + 1] - first;
     for (int i = 0; i < count; ++i) {
         const int row = tree->rows[first + i];
+        const int shift = tree->slot_start[first + i] - phi_q->indptr[row];
         ncgen_real rest = -phi[row];
         for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s)
-            rest -= w->jacobian[s] * step[phi_q->indices[s]];
+            rest -= w->jacobian[s] * w->step[tree->slots[shift + s]];
         w->right[i] = rest;
     }
 }
 
+/* A row that changes less than this, in natural sizes, with all coordinates of its link says nothing of them. */
+static const ncgen_scalar least_entry = R(1.0e-9);
+
 /* The products of the rows of a link, below the diagonal and on it, in w->gram. */
-NCGEN_SHORT_LOOPS static void multiply_rows(ncgen_tree_work *w, int link, int count)
+NCGEN_SHORT_LOOPS static void multiply_rows(const ncgen_run *r, ncgen_tree_work *w, int link, int count)
 {
     const ncgen_tree *tree = w->tree;
     int entry = tree->entry_start[link];
-    for (int i = 0; i < count; ++i)
+    for (int i = 0; i < count; ++i) {
+        const ncgen_scalar least = least_entry * r->dynamics->row_sizes[tree->rows[tree->row_start[link] + i]];
         for (int j = 0; j <= i; ++j, ++entry) {
             ncgen_real sum = 0;
             for (int s = tree->product_start[entry]; s < tree->product_start[entry + 1]; ++s)
                 sum += w->scaled[tree->products[2 * s]] * w->scaled[tree->products[2 * s + 1]];
             w->gram[i * count + j] = sum;
         }
+        if (!(w->gram[i * count + i] > least * least))
+            w->gram[i * count + i] = 0;
+    }
 }
 
 /* L D L' x = right, row by row: of a row above only what is eliminated already is read. A row that those before it imply is left out. */
@@ -67,19 +75,21 @@ NCGEN_SHORT_LOOPS static void solve(int count, ncgen_scalar rounding, ncgen_real
 }
 
 /* The smallest change, in natural sizes, of a link's coordinates that closes its rows, the others' changes being known. */
-NCGEN_SHORT_LOOPS static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, ncgen_real *step)
+NCGEN_SHORT_LOOPS static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi)
 {
     const ncgen_tree *tree = w->tree;
-    const int *indices = r->model->phi_q_pattern.indices;
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
     const int first = tree->row_start[link], count = tree->row_start[link + 1] - first;
-    find_right(r, w, link, phi, step);
-    multiply_rows(w, link, count);
+    find_right(r, w, link, phi);
+    multiply_rows(r, w, link, count);
     solve(count, r->rounding, w->gram, w->right, w->right + tree->most_rows);
-    for (int i = 0; i < count; ++i)
+    for (int i = 0; i < count; ++i) {
+        const int shift = tree->slot_start[first + i] - phi_q->indptr[tree->rows[first + i]];
         for (int k = tree->own_start[first + i]; k < tree->own_start[first + i + 1]; ++k) {
-            const int s = tree->own[k], c = indices[s];
-            step[c] += w->scaled[s] * r->dynamics->column_sizes[c] * w->right[i];
+            const int s = tree->own[k];
+            w->step[tree->slots[shift + s]] += w->scaled[s] * r->dynamics->column_sizes[phi_q->indices[s]] * w->right[i];
         }
+    }
 }
 
 /* A Newton step from a position whose rows are known. */
@@ -91,18 +101,19 @@ static void step_by_links(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, cons
     ncgen_phi_q(r, t, q, w->jacobian);
     for (int s = 0; s < n_values; ++s)
         w->scaled[s] = w->jacobian[s] * r->dynamics->column_sizes[indices[s]];
-    for (int i = 0; i < r->n; ++i)
-        out[i] = 0;
+    for (int i = 0; i < r->n + w->tree->n_copies; ++i)
+        w->step[i] = 0;
     for (int link = 0; link < w->tree->n_links; ++link)
-        close_link(r, w, link, phi, out);
+        close_link(r, w, link, phi);
+    ncgen_copy(r->n, w->step, out);
 }
 
-/* The largest residual, in natural sizes, of the rows that close links. */
+/* The largest residual, in natural sizes, of the rows that close links alone. */
 static ncgen_real violation_of_links(const ncgen_run *r, const ncgen_tree_work *w, const ncgen_real *phi)
 {
     ncgen_copy(r->m, phi, w->gamma);
-    for (int i = 0; i < w->tree->n_closing; ++i)
-        w->gamma[w->tree->closing[i]] = 0;
+    for (int i = 0; i < w->tree->n_opposed; ++i)
+        w->gamma[w->tree->opposed[i]] = 0;
     return ncgen_largest(r->m, w->gamma, r->dynamics->row_sizes);
 }
 

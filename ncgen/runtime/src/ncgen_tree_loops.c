@@ -38,8 +38,7 @@ static void clear_row(const ncgen_run *r, ncgen_tree_work *w, int row)
         w->force[phi_q->indices[s]] = 0;
 }
 
-/* x += accelerations of the coordinates of the open tree under the forces in w->force, where nothing else acts or moves. */
-static void respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
+void ncgen_tree_respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
 {
     const ncgen_tree *tree = w->tree;
     for (int k = 0; k < tree->n_screws; ++k)
@@ -63,7 +62,46 @@ static void respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
         x[tree->measured[2 * i]] += tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
 }
 
-/* G = L D L' with the largest pivot first, in w->square by w->order: the number of rows that are independent. */
+/* A row of the matrix with its column, and what belongs to it, changes places with another one. */
+static void exchange(ncgen_tree_work *w, int i, int k)
+{
+    const int c = w->tree->n_closing, row = w->order[i];
+    const ncgen_real own = w->own[i];
+    w->order[i] = w->order[k];
+    w->order[k] = row;
+    w->own[i] = w->own[k];
+    w->own[k] = own;
+    for (int j = 0; j < c; ++j) {
+        const ncgen_real entry = w->square[i * c + j];
+        w->square[i * c + j] = w->square[k * c + j];
+        w->square[k * c + j] = entry;
+    }
+    for (int j = 0; j < c; ++j) {
+        const ncgen_real entry = w->square[j * c + i];
+        w->square[j * c + i] = w->square[j * c + k];
+        w->square[j * c + k] = entry;
+    }
+}
+
+/* The row with the largest pivot over its own response, from the k-th on; -1 where there is none. */
+static int find_pivot(ncgen_tree_work *w, int k)
+{
+    const int c = w->tree->n_closing;
+    int best = -1;
+    ncgen_real largest = least_pivot;
+    for (int i = k; i < c; ++i) {
+        const ncgen_real share = w->own[i] > 0 ? w->square[i * c + i] / w->own[i] : 0;
+        if (share > largest) {
+            largest = share;
+            best = i;
+        }
+    }
+    w->is_near_singular |= best >= 0 && largest < margin * least_pivot;
+    return best;
+}
+
+/* G = L D L' with the largest pivot first, row by row above the diagonal: the number of rows that are independent. Rows that do not respond
+ * to one another, such as those of other limbs, take nothing from one another. */
 static int factor(ncgen_tree_work *w)
 {
     const int c = w->tree->n_closing;
@@ -74,29 +112,22 @@ static int factor(ncgen_tree_work *w)
         w->own[i] = a[i * c + i];
     }
     for (int k = 0; k < c; ++k) {
-        int best = k;
-        ncgen_real largest = 0;
-        for (int i = k; i < c; ++i) {
-            const int row = w->order[i];
-            const ncgen_real share = w->own[row] > 0 ? a[row * c + row] / w->own[row] : 0;
-            if (share > largest) {
-                largest = share;
-                best = i;
-            }
-        }
-        if (!(largest > least_pivot))
+        const int best = find_pivot(w, k);
+        if (best < 0)
             return k;
-        w->is_near_singular |= largest < margin * least_pivot;
-        const int row = w->order[best];
-        w->order[best] = w->order[k];
-        w->order[k] = row;
+        if (best != k)
+            exchange(w, best, k);
+        ncgen_real *first = a + k * c;
+        const ncgen_real inverse = 1 / first[k];
         for (int i = k + 1; i < c; ++i) {
-            const int other = w->order[i];
-            const ncgen_real share = a[other * c + row] / a[row * c + row];
-            for (int j = k + 1; j < c; ++j)
-                a[other * c + w->order[j]] -= share * a[w->order[j] * c + row];
-            a[row * c + other] = share; /* of L: nothing else is read there any more */
+            const ncgen_real share = first[i] * inverse;
+            ncgen_real *other = a + i * c;
+            if (share > 0 || share < 0)
+                for (int j = k + 1; j < c; ++j)
+                    other[j] -= share * first[j];
         }
+        for (int i = k + 1; i < c; ++i)
+            first[i] *= inverse;
     }
     return c;
 }
@@ -106,8 +137,8 @@ static void go_inward(const ncgen_run *r, ncgen_tree_work *w, int closing, ncgen
 {
     const ncgen_tree *tree = w->tree;
     const int begin = tree->way_start[closing], end = tree->way_start[closing + 1];
-    for (int i = 0; i < tree->n_screws + tree->n_groups; ++i)
-        left[i] = 0;
+    for (int i = tree->reach_start[closing]; i < tree->reach_start[closing + 1]; ++i)
+        left[tree->reach[i]] = 0;
     for (int i = 0; i < tree->n_measured; ++i)
         left[tree->measured[2 * i + 1]] += tree->ratios[i] * w->force[tree->measured[2 * i]];
     for (int i = begin; i < end; ++i)
@@ -145,8 +176,10 @@ static void find_matrix(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t)
         for (int j = 0; j <= i; ++j) {
             const ncgen_real *a = w->left + (size_t)i * (size_t)width, *b = w->left + (size_t)j * (size_t)width;
             ncgen_real sum = 0;
-            for (int k = 0; k < width; ++k)
+            for (int s = tree->reach_start[j]; s < tree->reach_start[j + 1]; ++s) {
+                const int k = tree->reach[s];
                 sum += w->weights[k] * a[k] * b[k];
+            }
             w->square[i * c + j] = w->square[j * c + i] = sum;
         }
     w->n_independent = factor(w);
@@ -163,20 +196,21 @@ int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     const ncgen_real *a = w->square;
     for (int i = 0; i < c; ++i)
         w->missing[i] = (wanted ? wanted[w->tree->closing[i]] : 0) - row_times(r, w, w->tree->closing[i], x);
+    ncgen_real *lam = w->own;
+    for (int k = 0; k < count; ++k)
+        lam[k] = w->missing[w->order[k]];
     for (int k = 0; k < count; ++k)
         for (int i = k + 1; i < count; ++i)
-            w->missing[w->order[i]] -= a[w->order[k] * c + w->order[i]] * w->missing[w->order[k]];
+            lam[i] -= a[k * c + i] * lam[k];
     for (int k = count - 1; k >= 0; --k) {
-        const int row = w->order[k];
-        ncgen_real lam = w->missing[row] / a[row * c + row];
+        lam[k] /= a[k * c + k];
         for (int i = k + 1; i < count; ++i)
-            lam -= a[row * c + w->order[i]] * w->missing[w->order[i]];
-        w->missing[row] = lam;
+            lam[k] -= a[k * c + i] * lam[i];
     }
     for (int i = 0; i < n; ++i)
         w->force[i] = 0;
     for (int k = 0; k < count; ++k)
-        add_row(r, w, w->tree->closing[w->order[k]], w->missing[w->order[k]]);
-    respond(r, w, x);
+        add_row(r, w, w->tree->closing[w->order[k]], lam[k]);
+    ncgen_tree_respond(r, w, x);
     return !w->is_near_singular && count == w->most_independent;
 }

@@ -9,4 +9,7 @@
  * depend on each other that do not elsewhere. */
 int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *wanted, ncgen_real *x);
 
+/* x (n) += accelerations of the coordinates of the open tree under the forces in w->force, where nothing else acts or moves. */
+void ncgen_tree_respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x);
+
 #endif

@@ -11,6 +11,8 @@ static void lay_out_loops(ncgen_run *r, ncgen_tree_work *w)
     const int count = w->tree->n_closing;
     w->are_there = w->is_near_singular = w->n_independent = w->most_independent = 0;
     w->left = ncgen_take(&r->space, (w->tree->n_screws + w->tree->n_groups) * count);
+    for (int i = 0; w->left && i < (w->tree->n_screws + w->tree->n_groups) * count; ++i)
+        w->left[i] = 0;
     w->weights = ncgen_take(&r->space, w->tree->n_screws + w->tree->n_groups);
     w->square = ncgen_take(&r->space, count * count);
     w->own = ncgen_take(&r->space, count);
@@ -41,7 +43,7 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->joined = tree->n_groups ? ncgen_take(space, 6 * (tree->n_links + tree->n_groups)) : NULL;
     w->group = ncgen_take(space, 2 * tree->n_groups);
     w->bias = ncgen_take(space, r->n);
-    w->inertial = ncgen_take(space, r->n);
+    w->step = ncgen_take(space, r->n + tree->n_copies);
     w->jacobian = ncgen_take(space, n_values);
     w->scaled = ncgen_take(space, n_values);
     w->gram = ncgen_take(space, tree->most_rows * tree->most_rows);
@@ -127,7 +129,7 @@ static void weigh(ncgen_tree_work *w, int link)
         total[i] = 0;
     for (int s = tree->pair_start[link]; s < tree->pair_start[link + 1]; ++s) {
         const int a = tree->pairs[3 * s], b = tree->pairs[3 * s + 1];
-        const ncgen_real mass = w->mass[tree->pairs[3 * s + 2]];
+        const ncgen_real mass = tree->pair_shares[s] * w->mass[tree->pairs[3 * s + 2]];
         const ncgen_scalar a_is_point = a < count ? members[a].is_point : 1, b_is_point = b < count ? members[b].is_point : 1;
         if (a < count)
             shares[a] += mass * b_is_point;

@@ -84,7 +84,8 @@ typedef struct ncgen_tree_work {
     ncgen_real *levers; /* 3 a member of a link */
     ncgen_real *joined; /* 6 a link of a group, then 6 a group for its carrier: momentum at rate 1 of the group's first screw */
     ncgen_real *group;  /* 2 a group: 1 / its pivot, and its push, then what is left for it */
-    ncgen_real *bias, *inertial; /* n */
+    ncgen_real *bias;            /* n */
+    ncgen_real *step;            /* n + n_copies: of a position */
     ncgen_real *jacobian;        /* values of Phi_q */
     ncgen_real *scaled;          /* ... in natural sizes of the coordinates */
     ncgen_real *gram, *right;    /* of the rows that close a link */
@@ -95,8 +96,8 @@ typedef struct ncgen_tree_work {
     int are_there, is_near_singular; /* is the matrix of closing rows that of the position in `values`? Are closing rows about to depend on each other? */
     int n_independent, most_independent; /* closing rows here, and anywhere so far */
     ncgen_real *left, *weights;  /* n_screws + n_groups a closing row: what of a force along it every screw and group sees; their 1 / pivots */
-    ncgen_real *square, *own;    /* n_closing squared: the matrix of their products with rows, factored; its diagonal before */
-    ncgen_real *missing;         /* n_closing: of the rows, then multipliers */
+    ncgen_real *square, *own;    /* n_closing squared: the matrix of their products with rows, factored; its diagonal before, then multipliers */
+    ncgen_real *missing;         /* n_closing: of the rows */
     ncgen_real *gamma;           /* n_rows: of accelerations, or of positions */
     ncgen_real *still, *room;    /* n, n + 1 */
     int *order;                  /* n_closing: in which rows are eliminated */

@@ -11,9 +11,9 @@ from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.open_tree import KnownTree, known_tree
+from ncgen.solver.positions.open_tree import KnownTree, known_tree, why_no_tables
 from ncgen.solver.positions.partition import choose_partitions
-from ncgen.solver.runs.choice import choose
+from ncgen.solver.runs.choice import Choice, choose
 from ncgen.solver.runs.run import COMPILED, Form, Run
 from ncgen.symbolic.tree import spanning_tree
 
@@ -90,6 +90,22 @@ def _closes_loops(kernels: Kernels, method: Method) -> bool:
 def _tree_with_loops(kernels: Kernels) -> KnownTree | None:
     """Of an open tree, or of one whose loops are closed by constraints."""
     return known_tree(kernels) or known_tree(kernels, closes_loops=True)
+
+
+def explained(kernels: Kernels, choice: Choice, run: Run, engine: str) -> str:
+    """The method and the engine that a run took, and why; of a large tree of bodies why it is the matrix, too."""
+    is_open = run.engine in (AUTO, COMPILED) and engine == "c" and run.number == "double"
+    matrix = why_matrix(kernels, choice.method) if is_open else ""
+    return f"{choice.method}, {engine}: {choice.why}" + (f"; {matrix}" if matrix else "")
+
+
+def why_matrix(kernels: Kernels, method: Method) -> str:
+    """Why a tree of bodies that is too large to be emitted takes accelerations from the factored matrix; empty where it does not."""
+    if not _may_recur(kernels, method) or _has_few_rates(kernels, least=0):
+        return ""
+    if reason := why_no_tables(kernels):
+        return f"the matrix, since {reason}"
+    return "" if known_tree(kernels) or _closes_loops(kernels, method) else "the matrix, since loops leave implicit methods no tables"
 
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:

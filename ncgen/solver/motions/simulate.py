@@ -391,7 +391,7 @@ class _Motion:
             options=method.options,
             stopped=path.stopped is not None,
             number=run.number,
-            made_with=f"{method}, {self.engine}: {self.choice.why}",
+            made_with=acceleration_forms.explained(self.kernels, self.choice, run, self.engine),
             impulses=tuple(path.impulses),
             events=tuple(self.passage.happened),
             modes=modes,

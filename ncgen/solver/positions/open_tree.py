@@ -29,26 +29,40 @@ class KnownTree:
 
 def known_tree(kernels: Kernels, closes_loops: bool = False) -> KnownTree | None:
     """What runs need of `open_tree`, or of `tree_with_loops`, from the cache or made now."""
+    record = _found(kernels, closes_loops)
+    return record if isinstance(record, KnownTree) else None
+
+
+def why_no_tables(kernels: Kernels) -> str | None:
+    """Why a mechanism does not move in loops over tables, with its loops; None where it does."""
+    record = _found(kernels, closes_loops=True)
+    return None if known_tree(kernels) or isinstance(record, KnownTree) else record
+
+
+def _found(kernels: Kernels, closes_loops: bool) -> KnownTree | str:
+    """What runs need, or why there is none, from the cache or made now."""
 
     def made() -> dict[str, Any]:
-        tree = (tree_with_loops if closes_loops else open_tree)(kernels)
-        return {"tree": None} if tree is None else {"tree": {"freedoms": tree.freedoms, "tables": tables_of(tree).plain()}}
+        tree = (open_tree(kernels) if closes_loops else None) or _known(kernels, closes_loops)
+        return {"why": tree} if isinstance(tree, str) else {"freedoms": tree.freedoms, "tables": tables_of(tree).plain()}
 
-    def find() -> KnownTree | None:
-        members = found_in_described(kernels, f"tables of a tree{' with loops' if closes_loops else ''}", made)["tree"]
-        return None if members is None else KnownTree(members["freedoms"], TreeTables(**members["tables"]))
+    def find() -> KnownTree | str:
+        members = found_in_described(kernels, f"tables of a tree{' with loops' if closes_loops else ''}", made)
+        return members["why"] if "why" in members else KnownTree(members["freedoms"], TreeTables(**members["tables"]))
 
     return kernels.remember("known tree", closes_loops, find)
 
 
 def open_tree(kernels: Kernels) -> OpenTree | None:
     """The open tree that a mechanism is; None where it has loops, drivers, rolling, or bodies that are no links."""
-    return kernels.remember("open tree", (), lambda: _made(kernels))
+    made = _known(kernels, closes_loops=False)
+    return made if isinstance(made, OpenTree) else None
 
 
 def tree_with_loops(kernels: Kernels) -> OpenTree | None:
     """The same of a mechanism whose other constraints close loops of its tree of bodies, or couple motions of a joint."""
-    return open_tree(kernels) or kernels.remember("tree with loops", (), lambda: _made(kernels, closes_loops=True))
+    made = open_tree(kernels) or _known(kernels, closes_loops=True)
+    return made if isinstance(made, OpenTree) else None
 
 
 def is_open_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
@@ -57,9 +71,14 @@ def is_open_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bo
     return tree is not None and tree.is_regular(_look(kernels, p, q, t))
 
 
-def _made(kernels: Kernels, closes_loops: bool = False) -> OpenTree | None:
+def _known(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
+    return kernels.remember("tree with loops" if closes_loops else "open tree", (), lambda: _made(kernels, closes_loops))
+
+
+def _made(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
+    """The tree, or why there is none."""
     if "nu" in kernels.programs.programs or len(kernels.holonomic) < kernels.m or not 0 < kernels.m <= kernels.n:
-        return None
+        return "it has drivers, rolling, more constraints than coordinates, or no constraints"
     parameters = [kernels.p0]
     if len(kernels.p0):
         generator = np.random.default_rng(1)
@@ -69,10 +88,12 @@ def _made(kernels: Kernels, closes_loops: bool = False) -> OpenTree | None:
         )
     around = Around(kernels.q0, [partial(_look, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
     try:
-        tree = spanning_tree(kernels.model)
-        return OpenTree(kernels.programs.equations, tree, kernels.mass_pattern, kernels.phi_q_pattern, around, closes_loops)
-    except NoTables:
-        return None
+        tree = spanning_tree(kernels.model, closes_loops_last=closes_loops)
+        return OpenTree(
+            kernels.programs.equations, tree, (kernels.mass_pattern, kernels.phi_q_pattern), around, kernels.model.parameters, closes_loops
+        )
+    except NoTables as reason:
+        return str(reason)
 
 
 def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> SampledPosition:

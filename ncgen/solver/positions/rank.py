@@ -38,8 +38,9 @@ MIN_SINGULAR_FRACTION = 1e-4
 REMEMBERED = 16
 """How much of what was found for positions, such as degrees of freedom, is kept with the kernels."""
 
-MIN_CACHED_ROWS = 40
-"""Rows from which on the degrees of freedom in the position that a model describes are kept in the cache: finding them takes longer."""
+MIN_CACHED_ROWS = 8
+"""Rows from which on the degrees of freedom in the position that a model describes are kept in the cache: finding them takes longer, and a
+process that reads them imports no random numbers."""
 
 ROWS_AT_ONCE = 64
 """Rows whose parts outside a basis are computed by products of matrices, which reach the basis once for all of them."""

@@ -156,8 +156,13 @@ def velocity_from_rates(kernels: Kernels, partition: Partition, rates: np.ndarra
 
         lu = kernels.remember("factors for rates", key, factors, REMEMBERED)
         return lu.solve(np.concatenate([kernels.nu(q, t, p)[partition.rows], rates]))
-    frame = kernels.remember("kinematics for rates", key, lambda: kinematics(kernels, partition, q, t, p), REMEMBERED)
-    return frame.R @ rates + frame.particular(kernels.nu(q, t, p))
+
+    def matrices() -> tuple[np.ndarray, np.ndarray]:
+        frame = kinematics(kernels, partition, q, t, p)
+        return frame.R, frame.particular(kernels.nu(q, t, p))
+
+    R, driven = kernels.remember("matrices for rates", key, matrices, REMEMBERED)
+    return R @ rates + driven
 
 
 def given_velocity(kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:

@@ -1,0 +1,241 @@
+"""Which link of a tree of bodies every row of Φ closes, in numbers.
+
+What two bodies share at the end of a loop stands with one of them, its home. The rows of the other one then close the loop. To say where
+that body's own coordinates are, its link has a copy of what it shares: such rows hold for the copies whatever the joints do.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from ncgen.program.ir.blocks import Pattern
+from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, Couplings, NoTables, couplings
+from ncgen.program.tree.tree_velocities import TreeVelocities
+from ncgen.symbolic.numbering import Numbering
+from ncgen.symbolic.tree import Tree
+
+RANDOM = 2
+"""Random rates of all joints that every row is tried with."""
+
+ENTRY_ROUNDING = 1e-12
+"""A row whose entries are below this in all places, in natural sizes, says nothing: it is what rounding leaves of a constant."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPosition:
+    """A position q (n,), Φ there (m,) in natural sizes, and values of Φ_q and M."""
+
+    q: np.ndarray
+    phi: np.ndarray
+    phi_q: np.ndarray
+    mass: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Around:
+    """What the kernels say of a mechanism.
+
+    q (n,): where it is; looks: of a position, for one or several sets of parameters; rows (m,), columns (n,): natural sizes
+    """
+
+    q: np.ndarray
+    looks: Sequence[Callable[[np.ndarray], SampledPosition]]
+    rows: np.ndarray
+    columns: np.ndarray
+
+
+class TreeRows(TreeVelocities):
+    """A tree of bodies with its rows.
+
+    rows: their coordinates; closing: those that joints do not satisfy, so that they close loops; vanishing: those that say nothing
+    group: of every coordinate the link that closes it; copies: {(link, coordinate): number of its copy behind the coordinates}
+    closes: of every link the rows that close it, each with what its entries stand for, coordinates or copies
+    """
+
+    def __init__(self, numbering: Numbering, tree: Tree, pattern: Pattern, around: Around) -> None:
+        super().__init__(numbering, tree)
+        self.pattern, self.around = pattern, around
+        self.coupled: Couplings = couplings(self.tree, {})
+        self.closing: list[int] = []
+        self.vanishing: set[int] = set()
+        self.copies: dict[tuple[int, int], int] = {}
+        self.copied: list[tuple[int, int]] = []
+        self.copied_rows: list[dict[int, tuple[int, ...]]] = [{} for _ in self.tree.links]
+        starts, columns = pattern.indptr, pattern.indices
+        self.rows = [columns[starts[r] : starts[r + 1]] for r in range(pattern.shape[0])]
+        self.members = [{self.number[e] for e in link.body.elements if e in self.number} for link in self.tree.links]
+        self.group = [self.home[self.where[c][0]] if c in self.where else -1 for c in range(self.n)]
+        for row in self.rows:
+            deepest = max((self.group[c] for c in row if c in self.where), default=-1)
+            for c in row:
+                if c not in self.where:
+                    self.group[c] = max(self.group[c], deepest)
+        if -1 in self.group:
+            raise NoTables("a coordinate belongs to no body")
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Which rows close which link, and what."""
+        self.closes: list[dict[int, tuple[int, ...]]] = [
+            {r: slots for r, slots in rows.items() if r not in self.vanishing} for rows in self.copied_rows
+        ]
+        left = {*self.closing, *self.vanishing}
+        for r, row in enumerate(self.rows):
+            if row and r not in left:
+                self.closes[max(self.group[c] for c in row)].setdefault(r, row)
+        self.unknowns: list[list[int]] = [[] for _ in self.tree.links]
+        for c, link in enumerate(self.group):
+            self.unknowns[link].append(c)
+        copied = {slot: c for (_, c), slot in sorted(self.copies.items(), reverse=True)}
+        for slot, link in {slot: link for (link, _), slot in sorted(self.copies.items(), reverse=True)}.items():
+            self.unknowns[link].append(slot)
+        self.sizes = np.append(self.around.columns, [self.around.columns[copied[slot]] for slot in sorted(copied)])
+
+    # -- copies --------------------------------------------------------------------------------
+
+    def _take_copies(self, sample: SampledPosition) -> None:
+        """Give links copies of what moves with them only where loops are closed, and the rows that hold for these."""
+        apart = [pair for pair, is_carried in self.moving_together(sample.q, self._random()).items() if not is_carried]
+        owners = self._owners(sample.q, apart)
+        self.copied = [pair for pair in apart if owners[pair] == pair]
+        slots = ((e, link, c) for e, link in self.copied for c in self.components[e] if c < self.n)
+        number = {(e, link, c): self.n + k for k, (e, link, c) in enumerate(slots)}
+        self.copies = {(link, c): number[*owners[e, link], c] for e, link in apart for c in self.components[e] if c < self.n}
+        users: dict[int, list[int]] = defaultdict(list)
+        for r, row in enumerate(self.rows):
+            for e in {self.where[c][0] for c in row if c in self.where}:
+                users[e].append(r)
+        self._lay_out()
+        moved = self._moved(sample.q, self._random())
+        of_bodies = {r for r, row in enumerate(self.rows) if all(c in self.where for c in row)}
+        for link, members in enumerate(self.members):
+            for r in sorted({r for e in members for r in users[e]} & of_bodies):
+                slots = self._slots(link, self.rows[r])
+                if slots and self._holds(sample, r, slots, moved):
+                    self.copied_rows[link][r] = slots
+        self._lay_out()
+
+    def _owners(self, q: np.ndarray, apart: Sequence[tuple[int, int]]) -> dict[tuple[int, int], tuple[int, int]]:
+        """Of elements with links that carry them, the first link that carries the element in the same way."""
+        velocities = self.carried(q, self._random(), np.array([e for e, _ in apart], dtype=int), [link for _, link in apart])
+        owners: dict[tuple[int, int], tuple[int, int]] = {}
+        first: dict[int, list[int]] = defaultdict(list)
+        for k, (e, link) in sorted(enumerate(apart), key=lambda numbered: numbered[1][1]):
+            size = RELATIVE_TOLERANCE * np.max(np.abs(velocities[:, k]))
+            same = [other for other in first[e] if np.max(np.abs(velocities[:, other] - velocities[:, k])) <= size]
+            owners[e, link] = apart[same[0]] if same else (e, link)
+            if not same:
+                first[e].append(k)
+        return owners
+
+    def _slots(self, link: int, row: Sequence[int]) -> tuple[int, ...]:
+        """What the entries of a row stand for where it closes a link: copies of this link and of its parent before coordinates; nothing
+        where it says nothing of the link, or is not of them alone, or needs no copies."""
+        parent = self.tree.links[link].parent
+        before = set() if parent is None else self.members[parent]
+        elements = {self.where[c][0] for c in row if c in self.where}
+        if not elements <= self.members[link] | before or elements <= before:
+            return ()
+        slots = tuple(
+            self.copies.get((link, c), c if c not in self.where or self._is_member(link, c) else self._of_parent(parent, c)) for c in row
+        )
+        return slots if max(slots) >= self.n else ()
+
+    def _is_member(self, link: int, c: int) -> bool:
+        return self.where[c][0] in self.members[link]
+
+    def _of_parent(self, parent: int | None, c: int) -> int:
+        return c if parent is None else self.copies.get((parent, c), c)
+
+    def _holds(self, sample: SampledPosition, row: int, slots: Sequence[int], moved: np.ndarray) -> bool:
+        """True where a row allows what the joints do, if its entries stand for these slots; moved (tries, n + copies): their velocities."""
+        entries, velocities = sample.phi_q[self.pattern.indptr[row] : self.pattern.indptr[row + 1]], moved[:, list(slots)]
+        rounding = ENTRY_ROUNDING * self.around.rows[row] * np.max(np.abs(moved) / self.sizes, axis=1)
+        return bool(np.all(np.abs(velocities @ entries) <= RELATIVE_TOLERANCE * (np.abs(velocities) @ np.abs(entries)) + rounding))
+
+    def _moved(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Velocities (tries, n + copies) of coordinates, copies behind them, at rates (tries, screws)."""
+        moved = np.zeros((len(rates), len(self.sizes)))
+        moved[:, : self.n] = self.velocities(q, rates)[:, : self.n]
+        if self.copied:
+            elements, links = np.array([e for e, _ in self.copied]), [link for _, link in self.copied]
+            for (e, link), velocity in zip(self.copied, np.moveaxis(self.carried(q, rates, elements, links), 1, 0), strict=True):
+                for axis, c in enumerate(self.components[e]):
+                    if c < self.n:
+                        moved[:, self.copies[link, c]] = velocity[:, axis]
+        return moved
+
+    # -- steps ---------------------------------------------------------------------------------
+
+    def _block(self, link: int, rows: Mapping[int, Sequence[int]], phi_q: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows that close a link over its own slots, both in natural sizes, and what a step of the others changes in them."""
+        column_of = {c: k for k, c in enumerate(self.unknowns[link])}
+        block, others = np.zeros((len(rows), len(column_of))), np.zeros(len(rows))
+        for i, (r, slots) in enumerate(rows.items()):
+            begin = self.pattern.indptr[r]
+            for k, c in enumerate(slots):
+                value = phi_q[begin + k] / self.around.rows[r]
+                if c in column_of:
+                    block[i, column_of[c]] = value * self.sizes[c]
+                else:
+                    others[i] += value * step[c]
+        return block, others
+
+    def _step_of_links(self, sample: SampledPosition, with_copies: bool) -> np.ndarray:
+        """The smallest change of each link's coordinates (n,), relative to those before it, that closes its rows."""
+        step = np.zeros(len(self.sizes))
+        for link, unknowns in enumerate(self.unknowns):
+            rows = {r: slots for r, slots in self.closes[link].items() if with_copies or r not in self.copied_rows[link]}
+            block, others = self._block(link, rows, sample.phi_q, step)
+            right = -sample.phi[list(rows)] - others
+            step[unknowns] = np.linalg.lstsq(block, right, rcond=RELATIVE_TOLERANCE)[0] * self.sizes[unknowns]
+        return step[: self.n]
+
+    # -- checks --------------------------------------------------------------------------------
+
+    def _random(self) -> np.ndarray:
+        """Rates of all joints that have nothing in common, but that some follow others, in natural sizes."""
+        free = np.random.default_rng(3).uniform(0.5, 1.5, (RANDOM, len(self.screws) - len(self.coupled.leaders)))
+        return free @ self._joint_rates()
+
+    def _joint_rates(self) -> np.ndarray:
+        """Rates (free, screws) of one joint each, in natural sizes, which others follow."""
+        sizes = np.array([1.0 if screw.point else np.max(self.around.columns) for screw in self.screws])
+        rates = np.diag(sizes)
+        for screw, (leader, ratio) in self.coupled.leaders.items():
+            rates[leader, screw] = ratio * sizes[leader]
+        return np.delete(rates, list(self.coupled.leaders), axis=0)
+
+    def _opposed(self, sample: SampledPosition, rows: Sequence[int]) -> list[int]:
+        """Those of some rows that do not allow what the joints do. Raises NoTables where joints move a fixed component."""
+        opposed: set[int] = set()
+        jacobian = self._jacobian(sample)
+        for v in self.velocities(sample.q, self._random()):
+            moved, held, least = v[: self.n], v[self.n :], RELATIVE_TOLERANCE * np.max(np.abs(v[: self.n]))
+            off, terms = np.abs(jacobian @ moved), abs(jacobian) @ np.abs(moved)
+            rounding = ENTRY_ROUNDING * self.around.rows * np.max(np.abs(moved) / self.around.columns)
+            if np.any(np.abs(held) > least):
+                raise NoTables("joints move what is fixed")
+            opposed |= {r for r in rows if off[r] > RELATIVE_TOLERANCE * terms[r] + rounding[r]}
+        return sorted(opposed)
+
+    def _jacobian(self, sample: SampledPosition) -> scipy.sparse.csr_array:
+        return scipy.sparse.csr_array((sample.phi_q, self.pattern.indices, self.pattern.indptr), shape=self.pattern.shape)
+
+    def is_regular(self, sample: SampledPosition) -> bool:
+        """True where all rows are independent, link by link."""
+        return not self.vanishing and all(rank == rows == freedom for rank, rows, freedom in self._ranks(sample))
+
+    def _ranks(self, sample: SampledPosition) -> Iterator[tuple[int, int, int]]:
+        """Of every link the rank of the rows that close it, how many they are, and what their rank must be."""
+        for link, unknowns in enumerate(self.unknowns):
+            block, _ = self._block(link, self.closes[link], sample.phi_q, np.zeros(len(self.sizes)))
+            largest = np.max(np.abs(block), axis=1, initial=0.0)
+            scaled = block / np.where(largest > RELATIVE_TOLERANCE, largest, 1.0)[:, None]
+            rank = int(np.linalg.matrix_rank(scaled, tol=RELATIVE_TOLERANCE)) if block.size else 0
+            yield rank, len(block), len(unknowns) - sum(k not in self.coupled.leaders for k in self.own[link])
