@@ -44,7 +44,7 @@ def arm(lengths=(0.7, 0.45, 0.3), masses=(2.1, 1.3, 0.4)):
         x += length
         end, following = m.point(f"A{k}", (x, 0, 0)), m.vector(f"u{k}", ((0, 1, 0), (0, 0, 1))[k % 2])
         inertia = (0.012 + 0.01 * mass, 0.03, 0.02)
-        m.body(f"link{k}", points=[base, end], vectors=[axis, following], mass=mass, com=(x - length / 3, 0, 0), inertia=inertia)
+        m.body(f"link{k}", points=[base, end], vectors=[axis, following], mass=mass, com=(x - 0.37 * length, 0, 0), inertia=inertia)
         base, axis = end, following
     m.gravity((0, 0, -9.81))
     return m
