@@ -5,7 +5,7 @@
     python docs/renew.py gallery.png    the examples' pictures in one
     python docs/renew.py robot.gif      the fall of the paper's robot, forwards and backwards
 
-A table is a block between fences that follows a comment with the command that prints it, such as <!-- ncgen list -->. The
+A table is a block between fences that follows a comment with the command that prints it, such as <!-- ncgen bench robot -->. The
 command runs and what it prints takes the block's place. Numbers in sentences beside a table are the writer's to correct; the pages name
 the machine that they were measured on.
 """

@@ -15,7 +15,7 @@ MAX_PARAMETERS = 7
 GROUPS = tuple(frozenset(group.__annotations__) for group in (StartArguments, MethodArguments))
 
 AS_OTHERS_SAY = {
-    "cli/models.py: run", "cli/studies.py: study",
+    "cli/measuring.py: bench", "cli/models.py: run", "cli/studies.py: study",
     "model/catalogue.py: _angle_cosine", "model/catalogue.py: _angle_paper", "model/catalogue.py: _angle_sine.formula",
     "model/catalogue.py: _angle_smooth", "model/catalogue.py: _angle_smooth_perpendicular", "model/forces.py: _on_directions",
     "solver/integrators/sundials.py: Cvode.__init__",

@@ -13,11 +13,11 @@ from ncgen.report import gallery
 PACKAGE = Path(__file__).resolve().parents[1] / "ncgen"
 
 RECORDS = (
-    "cli/measuring.py", "cli/models.py", "cli/studies.py", "comparisons/compare.py", "comparisons/comparison.py",
-    "report/precision.py", "report/derivative.py", "report/gallery.py", "report/inspection.py",
+    "cli/measuring.py", "cli/models.py", "cli/studies.py", "comparisons/batches.py", "comparisons/bench.py", "comparisons/compare.py",
+    "comparisons/comparison.py", "comparisons/derivative_parts.py", "comparisons/falls.py", "comparisons/hard.py",
+    "report/precision.py", "comparisons/robots.py", "report/derivative.py", "report/gallery.py", "report/inspection.py",
     "report/machine.py", "report/rounds.py", "report/run_report.py", "solver/trajectories/trajectory_files.py", "studies/columns.py",
     "studies/study_folder.py",
-    *(f"../tests/benchmarks/{name}.py" for name in ("batches", "measurements", "derivative_parts", "falls", "hard", "robots")),
 )  # fmt: skip
 """Modules that make what `--json` prints, what a study's folder holds and what an archive of a trajectory says of itself."""
 
@@ -54,7 +54,7 @@ def vague(key: str) -> bool:
 
 def test_keys_are_terms():
     written = {name: keys(ast.parse((PACKAGE / name).read_text(encoding="utf-8"))) for name in RECORDS}
-    assert {"dof", "constraints"} <= written["report/inspection.py"] and "evaluation" in written["../tests/benchmarks/robots.py"]
+    assert {"dof", "constraints"} <= written["report/inspection.py"] and "evaluation" in written["comparisons/robots.py"]
     assert {name: wrong for name, of in written.items() if (wrong := {key for key in of - set(ALLOWED) if vague(key)})} == {}
 
 

@@ -1,4 +1,4 @@
-"""The command line: list, new, draw, run, watch, study, generate, inspect, bench, compare, check, convert, export, cache.
+"""The command line: list, new, draw, run, watch, study, generate, inspect, bench, compare, hard, check, convert, export, cache.
 
 MODEL is the name of an example, or a path to a .toml, .py, .urdf, .sdf or .xml file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
@@ -49,7 +49,7 @@ GROUPS = {
     },
     "Motions": {"run": models.run, "watch": watching.watch, "study": studies.study},
     "Generated code": {"generate": models.generate, "export": file_commands.export, "cache": file_commands.cache},
-    "Measurements": {"bench": measuring.bench, "compare": measuring.compare},
+    "Measurements": {"bench": measuring.bench, "compare": measuring.compare, "hard": measuring.hard},
 }
 """The commands by the panel of `ncgen --help` that lists them."""
 

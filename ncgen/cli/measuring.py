@@ -1,14 +1,16 @@
-"""The commands that measure and compare: bench, compare."""
+"""The commands that measure and compare: bench, compare, hard."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ncgen.cli.assignments import assigned, with_model_parameters
+from ncgen.cli.completion import models, words_of
 from ncgen.cli.terminal import (
     PAGES,
     PICTURES,
@@ -18,10 +20,13 @@ from ncgen.cli.terminal import (
     ModelName,
     Parameters,
     Velocities,
+    out,
+    print_records,
     progress,
     show,
     writable,
 )  # fmt: skip
+from ncgen.errors import ModelError
 
 if TYPE_CHECKING:
     from ncgen.comparisons.comparison import Comparison
@@ -29,44 +34,104 @@ if TYPE_CHECKING:
 
 
 def bench(
-    model: ModelName,
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL", help="an example's name, a path to a model file, or the word robots", autocompletion=models)
+    ],
+    files: Annotated[list[Path] | None, typer.Argument(help="after the word robots: robots' files, or folders with such files")] = None,
+    precision: Annotated[bool, typer.Option("--precision", help="simulate by every method and print error against time")] = False,
     duration: Duration = None,
     param: Parameters = None,
     velocity: Velocities = None,
-    html: Annotated[Path | None, typer.Option(help="write a report into this file [default: no report]", rich_help_panel=RESULTS)] = None,
+    limit: Annotated[float | None, typer.Option(min=0.0, help="with robots: time limit of a file, in seconds [default: 120]")] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="with --precision: write a report into this file [default: no report]", rich_help_panel=RESULTS)
+    ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="write the plot into this .svg or .png file [default: no plot]", rich_help_panel=RESULTS)
+        Path | None,
+        typer.Option(help="with --precision: write the plot into this .svg or .png file [default: no plot]", rich_help_panel=RESULTS),
     ] = None,
     json_output: Json = False,
 ) -> None:
-    """Simulate by every method, from loose to tight: error against time, and the quickest method for an error.
+    """Measure generated code next to hand-written code: times with their errors.
 
-    Times of the generated code itself, and other people's simulators, are measured by tests/benchmarks/bench.py of the sources.
+    Other people's simulators and generators are compared with it by tests/benchmarks/bench.py of the sources.
     """
+    from ncgen.comparisons.bench import bench as measurements
     from ncgen.exchange.examples import load
+
+    writable("--html", html, PAGES)
+    writable("--plot", plot, PICTURES)
+    if model == "robots":
+        _robots(files or [], limit, json_output)
+        return
+    if files:
+        raise ModelError(f"bench {model} {files[0]}: only `robots` takes files; name one model")
+    if precision or html or plot:
+        chosen = {"duration": duration, "p": assigned("--param", param), "zd0": assigned("--velocity", velocity)}
+        _precision(load(model), html, plot, json_output, **chosen)
+        return
+    for option, value in (("--duration", duration), ("--param", param), ("--velocity", velocity)):
+        if value is not None:
+            raise ModelError(f"{option}: only with --precision a motion can be chosen; add --precision")
+    show_sections(model, measurements(load(model)), json_output)
+
+
+def show_sections(
+    model: str, sections: Iterable[tuple[str, list[dict]]], json_output: bool, more: Mapping[str, Callable[[list[dict]], Any]] | None = None
+) -> None:
+    """One table after the other as they are measured, or all records. model: its name; more: rows of further cases, as of `show`"""
+    from ncgen.comparisons.bench import show as show_section
+
+    records = []
+    with progress(f"measuring {model}", 3.0) as advance:
+        for done, (title, section) in enumerate(sections, 1):
+            records += section
+            advance(done)
+            if not json_output:
+                show_section(out, title, section, more)
+    if json_output:
+        print(json.dumps(records, indent=1))
+
+
+def _robots(paths: list[Path], limit: float | None, json_output: bool) -> None:
+    """Robots from files, a line a file."""
+    from ncgen.comparisons import robots
+
+    files, records = robots.robot_files(paths), []
+    with progress("measuring robots", len(files)) as advance:
+        for record in robots.robot_records(files, limit or robots.LIMIT):
+            if not (records or json_output):
+                show([robots.titles()])
+            records.append(record)
+            advance(len(records))
+            if not json_output:
+                show([robots.robot_line(record)])
+    print_records(records, robots.summary, json_output)
+
+
+def _precision(model: Model, html: Path | None, plot: Path | None, json_output: bool, **chosen: Any) -> None:
+    """Every method from loose to tight; the front in words. chosen: duration, p and zd0 of `simulate`, None for the model's"""
     from ncgen.files import write_text
     from ncgen.report import precision
     from ncgen.report.document import Section, aligned, page
     from ncgen.report.machine import machine
 
-    check_reports(html, plot)
-    loaded = load(model)
-    with progress(f"simulating {loaded.name}", None):
-        p = with_model_parameters(loaded, assigned("--param", param))
-        records = precision.precision_records(loaded, duration=duration, p=p, zd0=assigned("--velocity", velocity))
+    with progress(f"simulating {model.name}", None):
+        chosen["p"] = with_model_parameters(model, chosen["p"])
+        records = precision.precision_records(model, **chosen)
     doubt = f"the reference is known to {records[0]['reference_error']:.1e}: by so much two methods at tight tolerance differ"
     rows, front = precision.table(records), precision.front(records)
     if json_output:
         print(json.dumps({"machine": machine(), "records": records}, indent=1))
     else:
-        show([f"{loaded.name}: time until an error is reached", *aligned(rows), doubt, *front])
+        show([f"{model.name}: time until an error is reached", *aligned(rows), doubt, *front])
     if html is not None:
-        section = Section("Time until an error is reached", "; ".join([doubt, *front]), tuple(rows), precision.figure(records, loaded.name))
-        write_text(html, page(f"{loaded.name}: error against time", [section], machine()))
+        section = Section("Time until an error is reached", "; ".join([doubt, *front]), tuple(rows), precision.figure(records, model.name))
+        write_text(html, page(f"{model.name}: error against time", [section], machine()))
     if plot is not None:
         from ncgen.view.figure import save
 
-        save(precision.figure(records, loaded.name), plot)
+        save(precision.figure(records, model.name), plot)
 
 
 def compare(
@@ -87,10 +152,9 @@ def compare(
     csv: Annotated[Path | None, typer.Option(help="write the records into this file [default: no file]", rich_help_panel=RESULTS)] = None,
     json_output: Json = False,
 ) -> None:
-    """Compare generated derivatives with functions of your own and with finite differences: error and time.
+    """Compare generated derivatives with hand-written ones and with finite differences: error and time.
 
-    Hand-written ones of the examples, and automatic differentiation by CasADi, JAX and SymForce, are compared with them by
-    tests/benchmarks/bench.py of the sources.
+    Automatic differentiation by CasADi, JAX and SymForce is compared with them by tests/benchmarks/bench.py of the sources.
     """
     from ncgen.comparisons.comparison import Comparison
     from ncgen.exchange.examples import load
@@ -103,7 +167,7 @@ def compare(
     show_comparison(Comparison(loaded, users or []), html, plot, csv, json_output)
 
 
-def check_reports(html: Path | None, plot: Path | None, csv: Path | None = None) -> None:
+def check_reports(html: Path | None, plot: Path | None, csv: Path | None) -> None:
     """Refuse what cannot be written before anything is measured."""
     for option, path, suffixes in (("--html", html, PAGES), ("--plot", plot, PICTURES), ("--csv", csv, (".csv",))):
         writable(option, path, suffixes)
@@ -141,3 +205,32 @@ def _mistakes(model: Model, path: Path, json_output: bool) -> None:
             show(mistakes or [f"{name}: no mistakes"])
     if any(by_function.values()):
         raise typer.Exit(1)
+
+
+def hard(
+    case: Annotated[
+        list[str] | None,
+        typer.Option(help="a case; may be repeated [default: all cases]", autocompletion=words_of("ncgen.comparisons.hard_cases", "CASES")),
+    ] = None,
+    limit: Annotated[float, typer.Option(min=0.0, help="time limit of a run, in seconds")] = 20.0,
+    json_output: Json = False,
+) -> None:
+    """Benchmark all methods on difficult mechanisms: error, drift and time, or why a method fails.
+
+    The default method is compared with the best one by tests/benchmarks/bench.py --defaults of the sources.
+    """
+    from ncgen.comparisons.hard import hard_records, lines, methods
+    from ncgen.comparisons.hard_cases import CASES
+
+    if unknown := [name for name in case or () if name not in CASES]:
+        raise ModelError(f"--case {unknown[0]}: there is no such case; choose one of {', '.join(CASES)}")
+    names = case or list(CASES)
+    records = []
+    with progress("hard cases", len(names) * len(methods())) as advance:
+        for done, record in enumerate(hard_records(names, limit), 1):
+            records.append(record)
+            advance(done)
+            if not json_output and done % len(methods()) == 0:
+                show(lines(records[-len(methods()) :]))
+    if json_output:
+        print(json.dumps(records, indent=1))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -15,7 +16,7 @@ from ncgen.errors import ModelError
 from ncgen.files import is_file, is_folder, is_there
 from ncgen.report.bar import err, progress, timed
 
-__all__ = ["err", "out", "progress", "show", "timed", "writable"]
+__all__ = ["err", "out", "progress", "show", "print_records", "timed", "writable"]
 
 out = Console(highlight=False, soft_wrap=True)
 
@@ -71,6 +72,14 @@ def show(lines: Iterable[object]) -> None:
     """Print lines as they are, without markup."""
     for line in lines:
         out.print(str(line), markup=False)
+
+
+def print_records(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]], json_output: bool) -> None:
+    """Print records as JSON, or as the lines that `lines` makes of them."""
+    if json_output:
+        print(json.dumps(records, indent=1))
+    else:
+        show(lines(list(records)))
 
 
 def listed(words: Sequence[str]) -> str:

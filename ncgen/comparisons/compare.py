@@ -1,4 +1,4 @@
-"""`ncgen compare`: kernels and derivatives, generated, by differences and of the user's own; error next to time."""
+"""`ncgen compare`: kernels and derivatives by hand, generated and by differences; error next to time."""
 
 from __future__ import annotations
 

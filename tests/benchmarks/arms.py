@@ -23,11 +23,11 @@ import mpmath
 import numpy as np
 
 import ncgen
-from benchmarks.batches import STATES
 from benchmarks.exact_motion import exact_motion
-from benchmarks.foreign import own_start
 from benchmarks.rivals import articulated, mujoco, pinocchio
+from ncgen.comparisons.batches import STATES
 from ncgen.comparisons.rivals import relative_error
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.comparisons.rivals.exact import DIGITS
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError

@@ -1,6 +1,6 @@
 """ncgen next to other people's simulators and generators, and measurements of ncgen itself.
 
-    python tests/benchmarks/bench.py robot                     kernels, a fall, batches, next to code by hand, sympy, CasADi, Octave
+    python tests/benchmarks/bench.py robot                     what `ncgen bench` prints, next to sympy, CasADi and Octave; generation
     python tests/benchmarks/bench.py robot --instructions      instructions of a call, counted by valgrind
     python tests/benchmarks/bench.py robot --derivatives       what `ncgen compare` prints, next to CasADi, JAX, SymForce; ∂ẏ/∂y
     python tests/benchmarks/bench.py robot --tables            the same, and the paper's Tables 9 and 10
@@ -11,8 +11,6 @@
     python tests/benchmarks/bench.py nfourbar --peers          N four-bars next to Pinocchio, MuJoCo and Exudyn
     python tests/benchmarks/bench.py chain --growth            generation and steps of longer and longer chains; or arm
     python tests/benchmarks/bench.py all --defaults            the default call next to the best method; or one hard case
-    python tests/benchmarks/bench.py all --hard                every hard case by every method; or one hard case
-    python tests/benchmarks/bench.py FILE-OR-FOLDER … --robots robots' files, next to Pinocchio and MuJoCo
 
 MODEL is an example's name or a path to a model's file. What is not installed is left out; requirements.txt names it all.
 """
@@ -23,7 +21,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,8 +31,8 @@ if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).resolve().parents[1])  # rivals/jax.py and its like are no libraries
 
 from benchmarks import tables  # noqa: E402
-from ncgen.cli.measuring import check_reports, show_comparison  # noqa: E402
-from ncgen.cli.terminal import err, out, progress, show  # noqa: E402
+from ncgen.cli.measuring import check_reports, show_comparison, show_sections  # noqa: E402
+from ncgen.cli.terminal import err, print_records, progress, show  # noqa: E402
 from ncgen.errors import ModelError, NcgenError  # noqa: E402
 from ncgen.exchange.examples import example_names, load  # noqa: E402
 from ncgen.report.document import aligned  # noqa: E402
@@ -42,30 +40,13 @@ from ncgen.report.document import aligned  # noqa: E402
 ALL = "all"
 
 
-def print_records(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]], json_output: bool) -> None:
-    """Print records as JSON, or as the lines that `lines` makes of them."""
-    if json_output:
-        print(json.dumps(records, indent=1))
-    else:
-        show(lines(list(records)))
-
-
 def in_sections(sections: Iterable[tuple[str, list[dict]]], options: argparse.Namespace) -> None:
     """One table after the other, as they come; or all records."""
     from benchmarks import arms
-    from benchmarks.measurements import show as show_section
 
     rows: dict[str, Any] = {"generation": tables.generation_rows, "operations": tables.operation_rows, "arm": arms.rows}
     rows |= {"gradients": tables.gradient_rows, "libraries": partial(tables.gradient_rows, digits=4)}
-    records = []
-    with progress(f"measuring {options.model}", 3.0) as advance:
-        for done, (title, section) in enumerate(sections, 1):
-            records += section
-            advance(done)
-            if not options.json:
-                show_section(out, title, section, rows)
-    if options.json:
-        print(json.dumps(records, indent=1))
+    show_sections(options.model, sections, options.json, rows)
 
 
 def everything(options: argparse.Namespace) -> None:
@@ -147,7 +128,7 @@ def paper_tables(options: argparse.Namespace) -> None:
 
 def defaults(options: argparse.Namespace) -> None:
     from benchmarks.defaults import NAMES, default_lines, default_records
-    from benchmarks.hard_cases import CASES
+    from ncgen.comparisons.hard_cases import CASES
 
     names, records = NAMES if options.model == ALL else (options.model,), []
     if options.model != ALL:
@@ -159,38 +140,6 @@ def defaults(options: argparse.Namespace) -> None:
     print_records(records, default_lines, options.json)
 
 
-def hard(options: argparse.Namespace) -> None:
-    from benchmarks.hard import LIMIT, hard_records, lines, methods
-    from benchmarks.hard_cases import CASES
-
-    if options.model != ALL:
-        _only(options, *CASES)
-    names, records = list(CASES) if options.model == ALL else [options.model], []
-    with progress("hard cases", len(names) * len(methods())) as advance:
-        for done, record in enumerate(hard_records(names, options.limit or LIMIT), 1):
-            records.append(record)
-            advance(done)
-            if not options.json and done % len(methods()) == 0:
-                show(lines(records[-len(methods()) :]))
-    if options.json:
-        print(json.dumps(records, indent=1))
-
-
-def robots(options: argparse.Namespace) -> None:
-    from benchmarks.robots import LIMIT, robot_files, robot_line, robot_records, summary, titles
-
-    files, records = robot_files([Path(options.model), *options.more]), []
-    with progress("measuring robots", len(files)) as advance:
-        for record in robot_records(files, options.limit or LIMIT):
-            if not (records or options.json):
-                show([titles()])
-            records.append(record)
-            advance(len(records))
-            if not options.json:
-                show([robot_line(record)])
-    print_records(records, summary, options.json)
-
-
 def _only(options: argparse.Namespace, *names: str) -> None:
     if options.model not in names:
         raise ModelError(f"{options.model}: this is not measured of it; choose {', '.join(names)}")
@@ -199,7 +148,6 @@ def _only(options: argparse.Namespace, *names: str) -> None:
 WHAT = {
     "--instructions": instructions, "--derivatives": derivatives, "--tables": paper_tables, "--gradients": gradients,
     "--libraries": libraries, "--data": data, "--arms": arms, "--peers": peers, "--growth": growth, "--defaults": defaults,
-    "--hard": hard, "--robots": robots,
 }  # fmt: skip
 
 
@@ -207,19 +155,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """What the arguments ask for; a refusal is one line on standard error."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("model", metavar="MODEL")
-    parser.add_argument("more", metavar="FILE", nargs="*", type=Path, help="with --robots: more robots' files, or folders with such files")
     what = parser.add_mutually_exclusive_group()
     for flag, measure in WHAT.items():
         what.add_argument(flag, dest="measure", action="store_const", const=measure, default=everything)
     parser.add_argument("--seed", type=int, default=1, help="of the random arms")
-    parser.add_argument("--limit", type=float, help="seconds of a run, of a file of robots [20, 120]")
+    parser.add_argument("--limit", type=float, help="with --peers and --defaults: seconds after which a run is stopped [20]")
     for flag, kind in (("--html", "a report"), ("--plot", "the plots, as .svg or .png,"), ("--csv", "the records")):
         parser.add_argument(flag, type=Path, metavar="FILE", help=f"with --derivatives and --tables: write {kind} into this file")
     parser.add_argument("--json", action="store_true", help="print the records instead of tables")
     options = parser.parse_args(arguments)
     try:
-        if options.more and options.measure is not robots:
-            raise ModelError(f"{options.more[0]}: only --robots takes several files; name one model")
         options.measure(options)
     except NcgenError as error:
         err.print(f"bench.py: {error}", markup=False)

@@ -8,9 +8,9 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.case import Case
-from benchmarks.hard import warm
-from benchmarks.hard_cases import CASES
+from ncgen.comparisons.case import Case
+from ncgen.comparisons.hard import warm
+from ncgen.comparisons.hard_cases import CASES
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels

@@ -14,9 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.foreign import own_start
-from benchmarks.rivals.handwritten import source
-from ncgen.comparisons.rivals.base import KERNELS, Inputs
+from ncgen.comparisons.rivals.base import KERNELS, Inputs, own_start
+from ncgen.comparisons.rivals.handwritten import source
 from ncgen.compiler import compile, generate
 from ncgen.emit.c.files import motion_files
 from ncgen.emit.naming import prefix_of

@@ -14,11 +14,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
-from benchmarks.falls import ToleranceArguments, end_state
-from benchmarks.foreign import handwritten
 from benchmarks.rivals.casadi_tangents import with_tangents
 from benchmarks.students import Derivative, hand_written
-from ncgen.comparisons.rivals.base import differentiable
+from ncgen.comparisons.falls import ToleranceArguments, end_state
+from ncgen.comparisons.rivals.base import differentiable, handwritten
 from ncgen.comparisons.rivals.differences import Slope, central, complex_step, jacobian
 from ncgen.comparisons.rivals.exact import relative_error
 from ncgen.compiler import compile

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import ncgen
-from benchmarks.derivative_parts import REFINED, emitted_parts
-from benchmarks.foreign import own_start
+from ncgen.comparisons.derivative_parts import REFINED, emitted_parts
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.ir.blocks import Program

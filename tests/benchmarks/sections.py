@@ -6,12 +6,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from benchmarks import arms, measurements
-from benchmarks.batches import RUNS, STATES, batch_records
+from benchmarks import arms
 from benchmarks.data import data_records
-from benchmarks.derivative_parts import RatedPart, arithmetic_rate, derivative_records
-from benchmarks.falls import fall_records
-from benchmarks.foreign import own_start
 from benchmarks.generation import generation_records
 from benchmarks.gradients import STEPS, gradient_records
 from benchmarks.libraries import MOTIONS, library_records
@@ -19,6 +15,11 @@ from benchmarks.libraries import STEPS as LIBRARY_STEPS
 from benchmarks.positions import worst_errors
 from benchmarks.rivals import articulated, lambdified
 from benchmarks.students import student_records
+from ncgen.comparisons import bench
+from ncgen.comparisons.batches import RUNS, STATES, batch_records
+from ncgen.comparisons.derivative_parts import RatedPart, arithmetic_rate, derivative_records
+from ncgen.comparisons.falls import fall_records
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.compiler import compile
 from ncgen.exchange.examples import example_names
 from ncgen.mechanism.library import CompiledKernels
@@ -36,12 +37,12 @@ def everything(model: Model) -> Sections:
     """The sections of `ncgen bench`, next to what others have; generation and compilation."""
     kernels = compile(model, "c")
     rate = arithmetic_rate()
-    yield measurements.KERNEL_TITLE.format(model.name), measurements.kernel_records(model, rate, lambdified.rivals)
+    yield bench.KERNEL_TITLE.format(model.name), bench.kernel_records(model, rate, lambdified.rivals)
     found = derivative_records(kernels, rate, by_articulated_bodies, worst_errors(kernels)) if kernels.m else []
-    yield measurements.DERIVATIVE_TITLE.format(rate / 1e9), found
-    yield measurements.FALL_TITLE, list(fall_records(kernels, student_records))
+    yield bench.DERIVATIVE_TITLE.format(rate / 1e9), found
+    yield bench.FALL_TITLE, list(fall_records(kernels, student_records))
     yield "generation and compilation, seconds", generation_records(model.name) if model.name in example_names() else []
-    yield measurements.BATCH_TITLE.format(STATES, RUNS), list(batch_records(kernels))
+    yield bench.BATCH_TITLE.format(STATES, RUNS), list(batch_records(kernels))
 
 
 def by_articulated_bodies(kernels: CompiledKernels, q: np.ndarray, zd: np.ndarray) -> dict[str, RatedPart]:

@@ -11,9 +11,8 @@ import mpmath
 import numpy as np
 
 from benchmarks.exact_motion import exact_motion
-from benchmarks.foreign import own_start
 from benchmarks.rivals.casadi_tangents import with_tangents
-from ncgen.comparisons.rivals.base import Rival
+from ncgen.comparisons.rivals.base import Rival, own_start
 from ncgen.comparisons.rivals.differences import central, forward, jacobian
 from ncgen.comparisons.rivals.exact import DIGITS
 from ncgen.mechanism.kernels import Kernels

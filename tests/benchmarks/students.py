@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from benchmarks.falls import tolerances
-from benchmarks.foreign import handwritten
 from benchmarks.rivals import octave
+from ncgen.comparisons.falls import tolerances
+from ncgen.comparisons.rivals import handwritten
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 

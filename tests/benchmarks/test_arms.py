@@ -3,8 +3,9 @@
 import pytest
 
 import ncgen
-from benchmarks import arms, derivative_parts, sections
+from benchmarks import arms, sections
 from benchmarks.rivals import articulated
+from ncgen.comparisons import derivative_parts
 from ncgen.exchange.examples import example_module
 from ncgen.report import clock
 from ncgen.solver.engines.partition_dynamics import split_of

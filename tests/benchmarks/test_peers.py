@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks import peers
-from benchmarks.case import GRAVITY
-from benchmarks.hard_linkages import four_bars_position
+from ncgen.comparisons.case import GRAVITY
+from ncgen.comparisons.hard_linkages import four_bars_position
 
 
 def test_the_exact_motion_is_that_of_one_angle():

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import ncgen
-from benchmarks import falls, students
-from benchmarks.foreign import handwritten
-from benchmarks.measurements import _simulation_rows, kernel_records
+from benchmarks import students
 from benchmarks.positions import worst_errors
 from benchmarks.rivals import lambdified, octave
+from ncgen.comparisons import falls
+from ncgen.comparisons.bench import _simulation_rows, kernel_records
+from ncgen.comparisons.rivals import handwritten
 from ncgen.report import clock
 from ncgen.report.document import aligned
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import ncgen
+from ncgen.comparisons.hard_cases import CASES
 from ncgen.errors import ModelError
 from ncgen.exchange.toml_writer import to_toml
 from ncgen.methods.table import FORMALISMS, INTEGRATORS
@@ -179,6 +180,7 @@ def test_words_are_offered(offered):
     assert set(offered("ncgen run robot --engine ")) == {"auto", "compiled", "c", "emitted", "refined", "python"}
     assert set(offered("ncgen export robot --to fmu")) == {"fmu2", "fmu3"}
     assert set(offered("ncgen inspect robot --backend ")) == {"auto", "c", "numpy"}
+    assert set(offered("ncgen hard --case ")) == set(CASES)
     assert {"run", "watch", "new"} <= set(offered("ncgen "))
 
 

@@ -109,7 +109,7 @@ def test_a_motion_of_another_model(ncgen_main, recorded, mine):
 # -- places to write to -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", [("compare", "pendulum"), ("bench", "pendulum")])
+@pytest.mark.parametrize("command", [("compare", "pendulum"), ("bench", "pendulum", "--precision")])
 @pytest.mark.parametrize(
     "option, place, words",
     [

@@ -9,7 +9,6 @@ import subprocess
 
 import numpy as np
 import pytest
-from benchmarks.rivals import of_all_kinds
 
 import ncgen
 from ncgen.comparisons.compare import compare
@@ -46,7 +45,7 @@ def of(records, tool):
 @pytest.mark.slow
 def test_errors_of_the_robot(robot_model):
     """Generated code at rounding, differences at the square and cube root of it, complex steps at rounding again."""
-    sections = dict(compare(robot_model, others=of_all_kinds))
+    sections = dict(compare(robot_model))
     assert set(sections) == {"phi_q", "gamma", "mass", "all"}
     for kernel in ("phi_q", "gamma", "mass"):
         generated = [r for r in sections[kernel] if r["tool"].startswith("generated")]

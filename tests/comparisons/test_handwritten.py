@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from benchmarks.foreign import handwritten
-from benchmarks.rivals.handwritten import in_c
 
 import ncgen
-from ncgen.comparisons.rivals import KERNELS, Inputs
+from ncgen.comparisons.rivals import KERNELS, Inputs, handwritten
 from ncgen.comparisons.rivals.generated import compiled
+from ncgen.comparisons.rivals.handwritten import in_c
 
 TOLERANCE = 1e-13
 

@@ -1,4 +1,4 @@
-"""`ncgen bench`: errors fall as tolerances do, the front is the quickest, and no method is lost."""
+"""`ncgen bench --precision`: errors fall as tolerances do, the front is the quickest, and no method is lost."""
 
 import json
 
@@ -133,7 +133,7 @@ def test_the_motion_is_chosen_as_for_run(bench, monkeypatch):
     """2 m long and at 2 m/s at its end: after 0.5 s it has turned by 0.5 rad."""
     ends, of = [], precision.reference
     monkeypatch.setattr(precision, "reference", lambda *given: ends.append(of(*given)) or ends[-1])
-    printed, code = bench("--duration", "0.5", "--velocity", "B.y=2", "--param", "L=2", "--json")
+    printed, code = bench("--precision", "--duration", "0.5", "--velocity", "B.y=2", "--param", "L=2", "--json")
     assert code == 0
     assert ends[0].q == pytest.approx([2 * np.cos(0.5), 2 * np.sin(0.5)], abs=1e-10)
     assert 0 < json.loads(printed)["records"][0]["error"] < 1e-4
@@ -142,10 +142,12 @@ def test_the_motion_is_chosen_as_for_run(bench, monkeypatch):
 @pytest.mark.parametrize(
     "options, words",
     [
-        ([], "rod: nothing moves in 1 s, so every method is exact; give a start velocity, such as --velocity B.y=1"),
-        (["--velocity", "C.y=1"], "--velocity C.y=1: the mechanism has no free coordinate C.y; it has B.x, B.y"),
-        (["--velocity", "B.y"], "--velocity B.y: write it as name=number"),
-        (["--duration", "-1"], "duration: -1.0 given; it must be a positive number of seconds"),
+        (["--precision"], "rod: nothing moves in 1 s, so every method is exact; give a start velocity, such as --velocity B.y=1"),
+        (["--precision", "--velocity", "C.y=1"], "--velocity C.y=1: the mechanism has no free coordinate C.y; it has B.x, B.y"),
+        (["--precision", "--velocity", "B.y"], "--velocity B.y: write it as name=number"),
+        (["--precision", "--duration", "-1"], "duration: -1.0 given; it must be a positive number of seconds"),
+        (["--velocity", "B.y=1"], "--velocity: only with --precision a motion can be chosen; add --precision"),
+        (["--duration", "0"], "--duration: only with --precision a motion can be chosen; add --precision"),
     ],
 )
 def test_motions_are_refused_before_anything_is_measured(bench, monkeypatch, options, words):

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from benchmarks.hard_tops import disc_centre, rolling_disc
 from scipy.integrate import solve_ivp
 
 import ncgen
+from ncgen.comparisons.hard_tops import disc_centre, rolling_disc
 from ncgen.errors import ModelError
 from ncgen.exchange.examples import example_module
 from ncgen.solver.positions.position import residual

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks import bench
-from benchmarks.hard import hard_records, methods, run_case
-from benchmarks.hard_cases import CASES
-from benchmarks.hard_tops import PRINCIPAL, SPIN, free_rotation
 from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
 
 import ncgen
+from ncgen.cli import app
+from ncgen.comparisons.hard import hard_records, methods, run_case
+from ncgen.comparisons.hard_cases import CASES
+from ncgen.comparisons.hard_tops import PRINCIPAL, SPIN, free_rotation
 from ncgen.report.precision import FIXED
 
 SURVIVES = [
@@ -120,15 +121,15 @@ def test_the_free_body_s_reference():
     assert free_rotation(t) == pytest.approx(euler.y.T, abs=1e-11)
 
 
-def test_the_command(capfd):
+def test_the_command():
     """JSON records, one a method; an unknown case is refused by name."""
-    assert bench.main(["violated", "--hard", "--limit", "0.2", "--json"]) == 0
-    records = json.loads(capfd.readouterr().out)
+    done = CliRunner().invoke(app, ["hard", "--case", "violated", "--limit", "0.2", "--json"])
+    records = json.loads(done.stdout)
     assert [(r["formalism"], r["integrator"]) for r in records] == methods()
     for r in records:
         assert (r["error"] is None) == (r["reason"] is not None)
         assert r["seconds"] > 0
-    assert bench.main(["nothing", "--hard"]) != 0 and "nothing" in capfd.readouterr().err
+    assert CliRunner().invoke(app, ["hard", "--case", "nothing"]).exit_code != 0
 
 
 @pytest.mark.slow

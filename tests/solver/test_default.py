@@ -6,10 +6,10 @@ import warnings
 
 import numpy as np
 import pytest
-from benchmarks.hard_cases import CASES
 from every_example import EVERY
 
 import ncgen
+from ncgen.comparisons.hard_cases import CASES
 from ncgen.errors import ConvergenceError
 from ncgen.exchange.examples import load
 from ncgen.model import Model

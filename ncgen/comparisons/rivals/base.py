@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from ncgen.exchange.examples import example_module, example_names
 from ncgen.mechanism.kernels import Kernels
 from ncgen.report.clock import Run, repeated
+from ncgen.report.repeat import KernelCall
+from ncgen.resources import folder
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import Partitions, partitions_for
+from ncgen.toolchain.abi import abi
+from ncgen.toolchain.cache import BuiltLibrary, compiled
+from ncgen.toolchain.loader import opened
 
 KERNELS = ("phi", "phi_q", "gamma")
 
@@ -52,6 +61,17 @@ class Rival:
     epsilon: float = float(np.finfo(float).eps)
 
 
+def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[dict[str, KernelCall], BuiltLibrary]:
+    """{kernel: call} of C sources that ncgen did not write, whose functions have the arguments of kernels; and the library.
+
+    sizes: how many numbers each kernel writes; symbol: its name in C, with {} for the kernel's
+    """
+    built = compiled(files)
+    kinds = {name: "velocity" if name == "gamma" else "position" for name in sizes}
+    ffi, library = opened(built.library, "".join(f"ncgen_{kinds[name]}_kernel {symbol.format(name)};" for name in sizes), abi())
+    return {name: KernelCall(ffi.addressof(library, symbol.format(name)), size, library) for name, size in sizes.items()}, built
+
+
 def called(
     name: str,
     functions: Mapping[str, Callable[[], Any]],
@@ -78,6 +98,19 @@ def nonzeros(kernels: Kernels, name: str, value: np.ndarray) -> np.ndarray:
     """A kernel's numbers, of a dense matrix those in the kernel's pattern."""
     patterns = {"phi_q": kernels.phi_q_pattern, "mass": kernels.mass_pattern}
     return np.asarray(value).ravel()[patterns[name].flat] if name in patterns else np.asarray(value)
+
+
+def handwritten(kernels: Kernels) -> ModuleType | None:
+    """The example's module of hand-written functions, or None."""
+    if kernels.name not in example_names() or not (folder("examples") / kernels.name / "handwritten.py").is_file():
+        return None
+    return example_module(kernels.name, "handwritten.py")
+
+
+def own_start(kernels: Kernels) -> tuple[np.ndarray, Partitions]:
+    """The closed position (n,) that a model begins at, and independent coordinates there: those that it names, or good ones."""
+    q = assemble(kernels, kernels.q0)
+    return q, partitions_for(kernels, q, 0.0, kernels.p0)
 
 
 def differentiable(kernels: Kernels) -> bool:

@@ -3,7 +3,7 @@
 All coordinates with Lagrange's multipliers and DOP853 are the first choice. Accelerations come from a recursion over the tree of bodies
 that is emitted, or from the matrix of the equations, which is sparse and is factored by a plan made once, so that the cost grows
 with the mechanism and not with the square of its degrees of freedom; redundant rows, rolling and singular positions need no special case.
-`ncgen bench` and tests/benchmarks/hard.py compare it with the others. Coordinate partitioning is taken where all coordinates cannot
+`ncgen hard` and `ncgen bench --precision` compare it with the others. Coordinate partitioning is taken where all coordinates cannot
 serve: for a state derivative that is asked for by name, and in number types with few digits, in which redundant rows cannot be told from
 others. Stiff mechanisms go on with Radau IIA: over all coordinates where a recursion gives the accelerations, since its Newton steps then
 take place in the degrees of freedom, else on independent coordinates.

@@ -13,8 +13,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from benchmarks.hard import ATOL_OVER_RTOL
-from benchmarks.hard_linkages import four_bars_position
+from ncgen.comparisons.hard import ATOL_OVER_RTOL
+from ncgen.comparisons.hard_linkages import four_bars_position
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.foreign import foreign
 from benchmarks.rivals.casadi import code
+from ncgen.comparisons.rivals.base import foreign
 from ncgen.emit.runtime_files import runtime_files
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.values import evaluate

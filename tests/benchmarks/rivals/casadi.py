@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.foreign import foreign
 from benchmarks.rivals.translation import translatable
-from ncgen.comparisons.rivals.base import Inputs, Rival
+from ncgen.comparisons.rivals.base import Inputs, Rival, foreign
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
 from ncgen.emit.runtime_files import runtime_files
 from ncgen.mechanism.kernels import Kernels

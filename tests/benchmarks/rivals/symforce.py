@@ -11,10 +11,9 @@ from dataclasses import replace
 from importlib import import_module
 from types import ModuleType
 
-from benchmarks.foreign import foreign
 from benchmarks.rivals.lambdified import symbolic
 from benchmarks.rivals.translation import translatable
-from ncgen.comparisons.rivals.base import Inputs, Rival
+from ncgen.comparisons.rivals.base import Inputs, Rival, foreign
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
 from ncgen.emit.runtime_files import runtime_files
 from ncgen.mechanism.kernels import Kernels

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from benchmarks.case import GRAVITY, Case, root
+from ncgen.comparisons.case import GRAVITY, Case, root
 from ncgen.exchange.examples import example_module, load
 from ncgen.model import Model
 from ncgen.solver.trajectories.trajectory import Trajectory

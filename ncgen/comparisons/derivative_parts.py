@@ -8,9 +8,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from benchmarks.foreign import handwritten, own_start
-from benchmarks.loops import OPERATIONS, arithmetic
-from ncgen.comparisons.rivals import Inputs, exact, relative_error
+from ncgen.comparisons.rivals import Inputs, exact, handwritten, relative_error
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.method import Method
@@ -18,7 +17,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.derivative import motion
-from ncgen.report.repeat import KernelCall, runner
+from ncgen.report.repeat import OPERATIONS, KernelCall, arithmetic, runner
 from ncgen.solver.engines.acceleration_forms import all_coordinates, has_emitted_recursion
 from ncgen.solver.engines.capabilities import is_emitted
 from ncgen.solver.engines.partition_dynamics import dynamics as dynamics_in_c

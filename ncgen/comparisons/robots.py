@@ -1,4 +1,4 @@
-"""Robots from files, from the file to a second of motion: `bench.py FILES --robots`.
+"""Robots from files, from the file to a second of motion: `ncgen bench robots`.
 
 Every measurement of a file is a process of its own, which is ended when the file's time is over, so that no file keeps the others waiting.
 MuJoCo and Pinocchio are given the same file without contacts, limits, dry friction and mimics; MuJoCo's error is against its own steps of
@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from ncgen.comparisons.changed_robot import changed_copy
 from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.exchange.robots import SUFFIXES
 
@@ -56,13 +57,16 @@ print(json.dumps({sys.argv[2]: time.perf_counter() - start, sys.argv[2] + "_proc
 """
 """What a user does first, with the import of ncgen and of what it needs, and the compiler."""
 
-FIRSTS, RIVALS = ("cold", "cached"), ("pinocchio", "mujoco")
-"""Measurements of the first motion, and of other programs; without one of these the others go on."""
+FIRSTS = ("cold", "cached", "changed")
+"""Measurements of the first motion: with nothing cached, with all of it, and with all of it after one number of the file was changed."""
+
+OPTIONAL = ("changed", "pinocchio", "mujoco")
+"""Measurements without one of which the others go on."""
 
 NUMBERS = {
-    "dof": ("DOF", "{:d}"), "cold": ("cold, s", "{:.1f}"), "cached": ("cached, s", "{:.2f}"), "cold_processor": ("processor", "{:.1f}"),
-    "evaluation": ("us each", "{:.2f}"),
-    "aba": ("aba, us", "{:.2f}"), "ratio": ("ratio", "{:.2f}"), "evaluations": ("evaluations", "{:d}"), "seconds": ("1 s, ms", "{:.2f}"),
+    "dof": ("DOF", "{:d}"), "cold": ("cold, s", "{:.1f}"), "cached": ("cached, s", "{:.2f}"), "changed": ("changed, s", "{:.2f}"),
+    "cold_processor": ("processor", "{:.1f}"), "evaluation": ("us each", "{:.2f}"), "aba": ("aba, us", "{:.2f}"),
+    "ratio": ("ratio", "{:.2f}"), "evaluations": ("evaluations", "{:d}"), "seconds": ("1 s, ms", "{:.2f}"),
     "error": ("error", "{:.0e}"), "drift": ("energy", "{:.0e}"), "fallbacks": ("fallbacks", "{:.1%}"),
     "mujoco": ("MuJoCo, ms", "{:.2f}"), "mujoco_error": ("its error", "{:.0e}"),
 }  # fmt: skip
@@ -80,26 +84,30 @@ def robot_files(paths: Iterable[Path]) -> list[Path]:
             raise ModelError(f"{path}: no such file, and no folder with files that end with {', '.join(SUFFIXES)}")
         files += inside
     if not files:
-        raise ModelError("bench.py --robots: name robots' files (URDF, MJCF, SDF), or folders that hold some")
+        raise ModelError("bench robots: name robots' files (URDF, MJCF, SDF), or folders that hold some")
     return files
 
 
 def robot_records(files: Iterable[Path], limit: float = LIMIT) -> Iterator[dict]:
     """A record a file.
 
-    file; dof: degrees of freedom; cold, cached: seconds from the import of ncgen to the end of a first motion; cold_processor: seconds
-    of the processors in the first of these, the compiler's among them; duration (s) of the run; seconds of the processor that it took,
-    evaluations, seconds an evaluation (evaluation), error (rad, m) at its end, drift of energy (relative), fallbacks (fraction of the
-    evaluations); aba: seconds of Pinocchio's function, ratio of an evaluation to it; mujoco, mujoco_error: seconds and error (rad, m) of
-    its run of 1 s. Unknown values are null; reason, pinocchio_reason, mujoco_reason: why, in a line.
+    file; dof: degrees of freedom; cold, cached, changed: seconds from the import of ncgen to the end of a first motion, as FIRSTS says;
+    cold_processor: seconds of the processors in the first of these, the compiler's among them; duration (s) of the run; seconds of the
+    processor that it took, evaluations, seconds an evaluation (evaluation), error (rad, m) at its end, drift of energy (relative),
+    fallbacks (fraction of the evaluations); aba: seconds of Pinocchio's function, ratio of an evaluation to it; mujoco, mujoco_error:
+    seconds and error (rad, m) of its run of 1 s. Unknown values are null; reason, changed_reason, pinocchio_reason,
+    mujoco_reason: why, in a line.
     """
     for file in files:
         end = time.perf_counter() + limit
         record: dict[str, Any] = {"file": f"{file.parent.name}/{file.name}", "reason": None} | dict.fromkeys(NUMBERS)
         with tempfile.TemporaryDirectory() as folder:
-            for stage in (*FIRSTS, "motion", *RIVALS):
-                results, reason = _in_child(stage, file, folder, end - time.perf_counter(), record.get("start", {}))
-                record |= results | {f"{stage}_reason" if stage in RIVALS else "reason": reason}
+            for stage in dict.fromkeys((*FIRSTS, "motion", *OPTIONAL)):
+                measured_file = changed_copy(file, Path(folder)) if stage == "changed" else file
+                if measured_file is None:
+                    continue
+                results, reason = _in_child(stage, measured_file, folder, end - time.perf_counter(), record.get("start", {}))
+                record |= results | {f"{stage}_reason" if stage in OPTIONAL else "reason": reason}
                 if record["reason"]:
                     break
         if record["evaluation"] and record["aba"]:
@@ -110,10 +118,9 @@ def robot_records(files: Iterable[Path], limit: float = LIMIT) -> Iterator[dict]
 
 def _in_child(stage: str, file: Path, folder: str, seconds: float, start: dict[str, float]) -> tuple[dict[str, Any], str | None]:
     """What one measurement printed up to its end or that of its time, and the reason why it did not come to its end."""
-    script = FIRST if stage in FIRSTS else f"from benchmarks.robots import {stage}; {stage}()"
+    script = FIRST if stage in FIRSTS else f"from ncgen.comparisons.robots import {stage}; {stage}()"
     command = [sys.executable, "-c", script, str(file), stage, json.dumps(start)]
-    path = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = os.environ | {"NCGEN_CACHE_DIR": folder, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": path}
+    environment = os.environ | {"NCGEN_CACHE_DIR": folder, "OPENBLAS_NUM_THREADS": "1"}
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         child = subprocess.Popen(command, env=environment, stdout=out, stderr=err, start_new_session=True, text=True)
         try:
@@ -239,7 +246,7 @@ def titles() -> str:
 
 def robot_line(record: dict) -> str:
     """A record as a line."""
-    reasons = [record[key] for key in ("reason", *(f"{rival}_reason" for rival in RIVALS)) if record.get(key)]
+    reasons = [record[key] for key in ("reason", *(f"{stage}_reason" for stage in OPTIONAL)) if record.get(key)]
     short = f" ({record['duration']:g} s)" if record.get("duration", DURATIONS[-1]) < DURATIONS[-1] else ""
     return line([_cell(key, record[key]) for key in NUMBERS], ": ".join([record["file"] + short, *reasons]))
 

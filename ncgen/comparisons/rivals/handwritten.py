@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.foreign import foreign, handwritten
-from ncgen.comparisons.rivals.base import KERNELS, Inputs, Rival, called, nonzeros
+from ncgen.comparisons.rivals.base import KERNELS, Inputs, Rival, called, foreign, handwritten, nonzeros
 from ncgen.exchange.examples import example_names
 from ncgen.mechanism.kernels import Kernels
 from ncgen.report.repeat import KernelCall

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from benchmarks.case import GRAVITY, Case
+from ncgen.comparisons.case import GRAVITY, Case
 from ncgen.exchange.examples import example_module, load
 from ncgen.model import Model
 from ncgen.solver.trajectories.trajectory import Trajectory

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeAlias, TypedDict
 
-from benchmarks.foreign import handwritten, own_start
+from ncgen.comparisons.rivals import handwritten
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.report.precision import own_run

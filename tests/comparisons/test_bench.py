@@ -1,4 +1,4 @@
-"""`bench.py MODEL`: every time has its error beside it, and the records are what scripts may rely on."""
+"""`ncgen bench`: every time has its error beside it, and the records are what scripts may rely on."""
 
 import json
 import math
@@ -6,8 +6,8 @@ import math
 import pytest
 
 import ncgen
-from benchmarks import batches, derivative_parts, falls
-from benchmarks.measurements import bench, kernel_records
+from ncgen.comparisons import batches, derivative_parts, falls
+from ncgen.comparisons.bench import bench, kernel_records
 from ncgen.report import clock, precision
 
 

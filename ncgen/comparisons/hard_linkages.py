@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import quad
 from scipy.special import ellipj
 
-from benchmarks.case import GRAVITY, Case, root
+from ncgen.comparisons.case import GRAVITY, Case, root
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module, load
 from ncgen.model import Model
@@ -23,7 +23,7 @@ def _sine_robot() -> Model:
 
 
 def _robot_error(run: Trajectory) -> float:
-    from benchmarks.foreign import handwritten
+    from ncgen.comparisons.rivals import handwritten
 
     module = handwritten(run.kernels)
     if module is None:

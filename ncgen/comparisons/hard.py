@@ -1,4 +1,4 @@
-"""`bench.py all --hard`: every hard case by every method: the error, the drift, the time, or the reason why it fails."""
+"""`ncgen hard`: every hard case by every method: the error, the drift, the time, or the reason why it fails."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.case import Case
-from benchmarks.hard_cases import CASES
+from ncgen.comparisons.case import Case
+from ncgen.comparisons.hard_cases import CASES
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels

@@ -1,4 +1,7 @@
-"""Times next to errors, of generated code and of what was written by hand."""
+"""`ncgen bench`: times next to errors, of generated code and of what was written by hand.
+
+What needs other people's programs, and measurements of ncgen itself, are in tests/benchmarks/.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,9 @@ from collections.abc import Callable, Iterator, Mapping
 from rich.console import Console
 from rich.text import Text
 
-from benchmarks.batches import RUNS, STATES, batch_records
-from benchmarks.derivative_parts import arithmetic_rate, derivative_records
-from benchmarks.falls import fall_records
-from benchmarks.rivals import emitted_and_by_hand
+from ncgen.comparisons.batches import RUNS, STATES, batch_records
+from ncgen.comparisons.derivative_parts import arithmetic_rate, derivative_records
+from ncgen.comparisons.falls import fall_records
 from ncgen.comparisons.rivals import KERNELS, Inputs, Others, exact, nobody, relative_error, rivals
 from ncgen.compiler import compile
 from ncgen.model import Model
@@ -49,7 +51,7 @@ def kernel_records(model: Model, rate: float, others: Others = nobody) -> list[d
     if not names:
         return []
     inputs = Inputs.typical(kernels)
-    tools = rivals(model, inputs, names) + emitted_and_by_hand(kernels, inputs, names) + others(kernels, inputs, names)
+    tools = rivals(model, inputs, names) + others(kernels, inputs, names)
     reference = {name: exact(kernels, name, inputs) for name in names}
     spent = measure({(rival.name, case): run for rival in tools for case, run in rival.runs.items()})
     records = []

@@ -6,17 +6,16 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from benchmarks.derivative_parts import emitted_parts
-from benchmarks.falls import ToleranceArguments
-from benchmarks.foreign import own_start
-from benchmarks.loops import each
+from ncgen.comparisons.derivative_parts import emitted_parts
+from ncgen.comparisons.falls import ToleranceArguments
 from ncgen.comparisons.rivals import KERNELS
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernel_batch import CompiledBatch, available
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.run_arguments import InitialState
 from ncgen.mechanism.runtime import Outcome
 from ncgen.report.clock import Run, Spread, measure, repeated
-from ncgen.report.repeat import KernelCall, runner
+from ncgen.report.repeat import KernelCall, each, runner
 from ncgen.solver.engines.capabilities import is_emitted
 from ncgen.solver.engines.compiled import GROWTH
 from ncgen.solver.engines.partition_dynamics import dynamics
