@@ -66,7 +66,7 @@ def inspect(
 ) -> None:
     """Show constraints, loads, degrees of freedom, redundant constraints, omitted terms and kernels; or the diagnostics of a motion."""
     from ncgen.report.along import Recorded, health_record, show_health
-    from ncgen.report.derivative import derivative, motion
+    from ncgen.report.derivative import derivative, matrix, motion
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.screen import show_inspection
 
@@ -79,7 +79,7 @@ def inspect(
         else:
             show_health(out, health)
         return
-    facts = {**facts_of(kernels), "motion": motion(kernels), "derivative": derivative(kernels)}
+    facts = {**facts_of(kernels), "motion": motion(kernels), "matrix": matrix(kernels), "derivative": derivative(kernels)}
     if json_output:
         print(json.dumps(facts, indent=1))
         return

@@ -6,10 +6,11 @@ from dataclasses import fields
 
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.dynamics import accelerations, assemble_motion, cheapest, closing
-from ncgen.solver.engines.acceleration_forms import own_positions
+from ncgen.solver.engines.acceleration_forms import own_positions, why_matrix
 from ncgen.solver.engines.partition_dynamics import samples, split_of
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import choose_partitions
@@ -24,6 +25,11 @@ def motion(kernels: Kernels) -> dict | None:
         return None
     parts = {field.name: getattr(programs, field.name) for field in fields(programs)}
     return {"positions" if name == "closing" else name: cost(program).total for name, program in parts.items() if program}
+
+
+def matrix(kernels: Kernels) -> str | None:
+    """Why a default run of a large tree of bodies takes accelerations from the factored matrix; None where it does not."""
+    return why_matrix(kernels, Method.of("lagrange", "dop853")) or None
 
 
 def derivative(kernels: Kernels) -> dict | None:

@@ -49,6 +49,8 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
         console.print(f"  spanning tree (degrees of freedom of its joints): {links}", markup=False)
     if facts.get("motion"):
         console.print(f"  {motion_line(facts['motion'])}", markup=False)
+    if facts.get("matrix"):
+        console.print(f"  accelerations of a run: {facts['matrix']}", markup=False)
     if facts.get("derivative"):
         console.print(f"  {derivative_line(facts['derivative'])}", markup=False)
     console.print(kernel_table(facts, times))

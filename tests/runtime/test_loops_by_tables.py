@@ -10,6 +10,7 @@ import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
+from ncgen.report.derivative import matrix
 from ncgen.solver.engines import acceleration_forms
 from ncgen.solver.positions.open_tree import open_tree, tree_with_loops, why_no_tables
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
@@ -136,6 +137,9 @@ def test_a_body_whose_elements_all_stand_with_others_is_named():
 
 def test_a_run_by_the_matrix_says_why():
     """A planar chain of bars on the ground at both ends, too large to be emitted: each bar shares its two points."""
-    run = ncgen.simulate(ncgen.compile(example_module("nfourbar").build(70)), 0.01, points=2)
+    kernels = ncgen.compile(example_module("nfourbar").build(70))
+    run = ncgen.simulate(kernels, 0.01, points=2)
     assert run.engine == "c"
-    assert "; the matrix, since what shows how body " in run.made_with
+    assert run.made_with.endswith(f"; {matrix(kernels)}")
+    assert matrix(kernels).startswith("the matrix, since what shows how body ")
+    assert matrix(ncgen.compile(TREE(40, 2, 0, False), "numpy")) is None

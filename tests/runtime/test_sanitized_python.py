@@ -24,6 +24,7 @@ SETS = {
     "joint space": ["tests/robots/test_joint_space.py", "tests/robots/test_joint_arguments.py"],
     "kernels": ["tests/kernels"],
     "breaks": ["tests/solver/test_break_times.py", "tests/solver/test_inputs.py"],
+    "trees in tables": ["tests/runtime/test_loops_by_tables.py", "tests/runtime/test_trees_with_mimics.py"],
 }
 BEYOND = """
 import numpy as np, ncgen
