@@ -172,6 +172,14 @@ def test_many_motions():
     assert not np.any(ncgen.gradient(kernels, 0.5, 20, end_of, p={"t1": t1[:2]}).alone)
 
 
+def test_many_motions_with_a_break_in_their_last_step():
+    kernels, t1 = block(LAWS["Heaviside"][0]), np.array([2.9, 2.95])
+    found = ncgen.gradient(kernels, T, 20, end_of, p={"t1": t1, "t2": np.full(2, 9.0)})
+    for k in range(2):
+        alone = ncgen.gradient(kernels, T, 20, end_of, p={"t1": t1[k], "t2": 9.0})
+        assert found.derivatives[k].tolist() == list(alone.derivatives.values())
+
+
 def test_a_long_run_in_segments_feels_jumps(monkeypatch):
     kernels = block(LAWS["Heaviside"][0])
     whole = ncgen.gradient(kernels, T, 40, end_of)
