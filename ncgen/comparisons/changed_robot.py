@@ -18,7 +18,7 @@ NumberLocation: TypeAlias = tuple[xml.Element, str | None]
 
 
 def changed_copy(file: Path, folder: Path) -> Path | None:
-    """The copy in a folder of its own below `folder`; None where there is nothing to change or the motion needs files beside this one.
+    """The copy in a folder of its own below `folder`; None where there is nothing to change or the motion needs files next to this one.
 
     Of URDF and SDF the middle mass is changed, of MJCF the middle mass of a body, or the first size of one. Meshes of URDF and SDF are
     pictures, without which a robot moves the same; MuJoCo computes inertias from those of MJCF.

@@ -57,6 +57,8 @@ class Contents:
     assembled: (joint, how far it was moved to close loops, rad or m), of a robot's file
     closing: makes a robot's model with one loop more; None of other models
     starts: {name: arguments of `ncgen.simulate` (q0, qd0, t0)}, states that a robot's file names
+    has_separate_numbers: whether numbers that are equal are merged in generated code no more than others, since each may be changed alone,
+    as in a robot's file
     """
 
     name: str
@@ -92,6 +94,7 @@ class Contents:
     assembled: tuple[tuple[str, float, str], ...]
     closing: Callable[..., Any] | None
     starts: dict[str, dict[str, Any]]
+    has_separate_numbers: bool
     frames: dict[str, BodyFrame]
     limits: dict[str, tuple[float, float]]
     _related: Claims

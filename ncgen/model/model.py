@@ -100,6 +100,7 @@ class Model(Gears, LoopClosing, Locks, Pictures):
         self.assembled = ()
         self.closing = None
         self.starts = {}
+        self.has_separate_numbers = False
         self._is_recording = False
 
     def __repr__(self) -> str:

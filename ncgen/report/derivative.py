@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
@@ -23,8 +21,13 @@ def motion(kernels: Kernels) -> dict | None:
     programs = positions and assemble_motion(kernels.programs.equations, *positions, kernels.column_sizes)
     if not programs:
         return None
-    parts = {field.name: getattr(programs, field.name) for field in fields(programs)}
-    return {"positions" if name == "closing" else name: cost(program).total for name, program in parts.items() if program}
+    parts = {
+        "derivative": programs.derivative,
+        "velocities": programs.velocities,
+        "positions": programs.closing,
+        "prepare": programs.prepare,
+    }
+    return {name: cost(program).total for name, program in parts.items() if program}
 
 
 def matrix(kernels: Kernels) -> str | None:

@@ -41,7 +41,7 @@ def traced(model: Model) -> TracedModel | None:
     contain numbers, or holds something that has no name and no value."""
     if model.parameters or model.curves:
         return None
-    walk = _Walk()
+    walk = _Walk(model.has_separate_numbers)
     try:
         copy = walk.model(model)
     except TypeError:
@@ -51,12 +51,14 @@ def traced(model: Model) -> TracedModel | None:
 
 
 class _Walk:
-    """A copy under way. words: of the structure."""
+    """A copy under way. words: of the structure; are_separate: whether numbers that are equal are different ones."""
 
-    def __init__(self) -> None:
+    def __init__(self, are_separate: bool) -> None:
         self.words: list[str] = []
         self.numbers: list[float] = []
         self.trace = Trace()
+        self._are_separate = are_separate
+        self._positions: dict[float, int] = {}
         self._copies: dict[int, tuple[int, Any, Any]] = {}
 
     def model(self, model: Model) -> Model:
@@ -92,7 +94,7 @@ class _Walk:
             return value
         if isinstance(value, np.ndarray):
             self.words.append(str(value.shape))
-            self._copy(value.ravel().tolist())
+            self._copy(value.ravel().tolist() if value.dtype != object else list(value.flat))
             return value
         if isinstance(value, (list, tuple, dict)):
             return self._collection(value)
@@ -107,11 +109,14 @@ class _Walk:
 
     def _float(self, value: float) -> float:
         unit = next((unit for unit in (0.0, 1.0, -1.0) if abs(value - unit) <= (ROUNDING if unit else 0.0)), None)
-        self.words.append("number" if unit is None else unit.hex())
         if unit is not None:
+            self.words.append(unit.hex())
             return unit
-        self.numbers.append(value)
-        return self.trace.given(value, len(self.numbers) - 1)
+        position = len(self.numbers) if self._are_separate else self._positions.setdefault(value, len(self.numbers))
+        self.words.append(f"number {position}")
+        if position == len(self.numbers):
+            self.numbers.append(value)
+        return self.trace.given(value, position)
 
     def _collection(self, value: Any) -> Any:
         self.words.append(f"{len(value)} parts")

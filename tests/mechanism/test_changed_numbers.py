@@ -61,7 +61,7 @@ def four_bar(a=1.0, b=1.3, c=0.8, d=1.7):
     far = np.linalg.norm(across)
     turn = np.arctan2(across[1], across[0]) + np.arccos((b**2 + far**2 - c**2) / (2 * b * far))
     A, B = m.point("A", pin), m.point("B", pin + b * np.array([np.cos(turn), np.sin(turn)]))
-    for name, ends, mass in (("crank", (origin, A), 1.1), ("coupler", (A, B), 2.3), ("rocker", (B, bearing), 1.7)):
+    for name, ends, mass in (("crank", (origin, A), 1.1), ("coupler", (A, B), 2.3), ("rocker", (B, bearing), 1.9)):
         m.body(name, list(ends), mass=mass, inertia="rod")
     m.angle("psi", x, A - origin, z)
     m.gravity((0, -9.81))

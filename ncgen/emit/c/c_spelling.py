@@ -17,7 +17,7 @@ class C(Spelling):
 
     def __init__(self, prefix: str, kind: str = "", numbers: NumberTable | None = None) -> None:
         """prefix: the model's; kind: a word for the names of tables, where a model has several files; numbers: where the model's are read
-        from, None where they are written out."""
+        from, None where they stand in the code."""
         super().__init__(Tables(f"{prefix}_{kind}_" if kind else f"{prefix}_"), prefix)
         self.numbers = numbers
 

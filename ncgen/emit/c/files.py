@@ -32,7 +32,7 @@ DIFFERENTIATED = {"tangent": "along a direction", "adjoint": "transposed"}
 def model_files(programs: Programs, numbers: NumberTable | None = None) -> dict[str, str]:
     """{file name: text}: the model's source and header, and the headers they include.
 
-    numbers: a table that the source reads the model's numbers from, for equations that are traced; None where they are written out
+    numbers: a table that the source reads the model's numbers from, for equations that are traced; None where they stand in the code
     """
     prefix = prefix_of(programs.equations.model.name)
     records = _model_records(programs, prefix, numbers)
@@ -105,7 +105,7 @@ def program_records(programs: Iterable[Program], prefix: str, kind: str = "", nu
     """Programs as a template prints them; kind: a word for the names of their tables, where a model has several files; numbers: as of
     `model_files`."""
     records = C(prefix, kind, numbers).records(programs)
-    return {"prefix": prefix, "upper": prefix.upper(), **records, "width": WIDTH, "numbers": numbers}
+    return {"prefix": prefix, "upper": prefix.upper(), **records, "width": WIDTH, "number_table": numbers}
 
 
 def _model_records(programs: Programs, prefix: str, numbers: NumberTable | None) -> Record:

@@ -113,6 +113,7 @@ class _Builder:
     def __init__(self, robot: Robot, floating: bool, as_parameters: Sequence[str]) -> None:
         self.robot, self.floating = together(robot), floating
         self.model = Model(word(robot.name, "robot"))
+        self.model.has_separate_numbers = True
         self.parts: Mapping[str, Parts] = parts_of(robot, floating, as_parameters) if as_parameters else {}
         self.shifts: Mapping[str, Shift] = shifts_of(self.model, robot, as_parameters) if as_parameters else {}
         self.layout: Layout = Layer(self.robot, floating, bool(self.shifts)).layout()
