@@ -38,13 +38,13 @@ class TracedModel:
 
 def traced(model: Model) -> TracedModel | None:
     """The structure and the numbers of a model; None where they cannot be told apart: where it has parameters or curves, whose expressions
-    contain numbers, or holds something that has no name and no value."""
+    contain numbers, or holds something that has no name and no value, or numbers whose products are no doubles."""
     if model.parameters or model.curves:
         return None
     walk = _Walk(model.has_separate_numbers)
     try:
         copy = walk.model(model)
-    except TypeError:
+    except (TypeError, OverflowError):
         return None
     digest = hashlib.sha256("\n".join(walk.words).encode()).hexdigest()
     return TracedModel(copy, walk.trace, digest, walk.numbers)

@@ -133,6 +133,15 @@ def test_a_motion_that_does_not_suit_is_not_used(cache, monkeypatch, tmp_path):
     assert refused == [True]
 
 
+def test_numbers_whose_products_are_none():
+    """What is too large is refused by the name of the body, as in any other model."""
+    m = ncgen.Model("spread")
+    ends = [m.point(name, position) for name, position in (("A", (1e-6, 0, 0)), ("B", (0, 1e-6, 0)), ("C", (0, 0, 1e-6)), ("D", (0, 0, 0)))]
+    m.body("plate", points=ends, mass=1e100, com=(1e100, 1e100, 1e100), inertia=(1.0, 1.0, 1.0))
+    with pytest.raises(ncgen.ModelError, match="exceeds"):
+        ncgen.compile(m, "c")
+
+
 def test_models_of_one_structure_live_side_by_side(cache):
     heavy, light = ncgen.compile(arm(masses=(3.1, 1.3, 0.4)), "c"), ncgen.compile(arm(masses=(2.1, 1.3, 0.4)), "c")
     assert len(libraries(cache)) == 1
