@@ -37,12 +37,23 @@ class KeptCode(NamedTuple):
     sources: FilledSources
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Structured:
-    """A mechanism as one of its structure. traced: its model; emission: as of `ncgen.generate`."""
+    """A mechanism as one of its structure. emission: as of `ncgen.generate`; key: what it is kept under with its numbers, None where
+    nothing tells it from others; digest, numbers: as of `TracedModel`."""
 
-    traced: TracedModel
+    model: Model
     emission: str
+    key: str | None
+    digest: str
+    numbers: list[float]
+
+    @cached_property
+    def traced(self) -> TracedModel:
+        """The model with traced numbers, made where code is generated."""
+        copy = traced(self.model)
+        assert copy is not None and copy.digest == self.digest, f"{self.model.name}: another model than was compiled"
+        return copy
 
     @cached_property
     def terms(self) -> Equations:
@@ -59,7 +70,7 @@ class Structured:
                 continue
             plain, files, table, *trace = entry
             operations, comparisons = _restored_trace(*trace)
-            values = computed(operations, comparisons, self.traced.numbers, FUNCTIONS_OF_NUMBERS)
+            values = computed(operations, comparisons, self.numbers, FUNCTIONS_OF_NUMBERS)
             if values is not None:
                 more = recall.restored(plain, Trace(operations), values)
                 return KeptCode(more, FilledSources(files, None if table is None else [values[k] for k in table], is_exact))
@@ -77,33 +88,59 @@ class Structured:
 
     def _keys(self, kind: str) -> list[tuple[str, bool]]:
         """What a kind is kept under, for the structure and for the numbers alone."""
-        words = f"{generator_identity()}\n{self.emission}\n{kind}\n{self.traced.digest}"
-        numbers = " ".join(map(float.hex, self.traced.numbers))
+        words = f"{generator_identity()}\n{self.emission}\n{kind}\n{self.digest}"
+        numbers = " ".join(map(float.hex, self.numbers))
         return [(_key(words), False), (_key(f"{words}\n{numbers}"), True)]
 
 
 def structured(model: Model, emission: str) -> Structured | None:
     """A model as one of its structure; None where its numbers are not told from it."""
-    copy = traced(model)
-    return None if copy is None else Structured(copy, emission)
+    key = recall.key(model, emission)
+    digest, numbers = _told_apart(model, key)
+    if not digest:
+        return None
+    return Structured(model=model, emission=emission, key=key, digest=digest, numbers=numbers)
+
+
+def _told_apart(model: Model, key: str | None) -> tuple[str, list[float]]:
+    """Digest of the structure of a model and its numbers, from the cache or found now; no digest where they are not told apart."""
+
+    def tell() -> tuple[str, list[float]]:
+        copy = traced(model)
+        return (copy.digest, copy.numbers) if copy else ("", [])
+
+    if key is None:
+        return tell()
+    named = _key(f"{key}\nstructure")
+    entry = kept(recall.KIND, named)
+    if entry is None:
+        entry = tell()
+        keep(recall.KIND, named, entry)
+    digest, numbers = entry
+    return digest, numbers
 
 
 def of(programs: Programs) -> Structured | None:
-    """The same of a mechanism, found once."""
-    number = id(programs)
-    if number not in _structures:
-        associate(programs, structured(programs.equations.model, programs.emission))
-    return _structures[number]
+    """The same of a mechanism, found once, and again if its model has grown."""
+    model = programs.equations.model
+    structure, facts = _structures.get(id(programs), (None, -1))
+    if facts != len(model.facts):
+        structure = structured(model, programs.emission)
+        associate(programs, structure)
+    return structure
 
 
 def associate(programs: Programs, structure: Structured | None) -> None:
     """Let this be what `of` finds."""
-    _structures[id(programs)] = structure
-    finalize(programs, _structures.pop, id(programs), None)
+    if id(programs) not in _structures:
+        finalize(programs, _structures.pop, id(programs), None)
+    _structures[id(programs)] = structure, len(programs.equations.model.facts)
+    if structure is not None:
+        recall.note(programs, structure.key)
 
 
-_structures: dict[int, Structured | None] = {}
-"""{id of programs: the mechanism as one of its structure}, as long as they are there."""
+_structures: dict[int, tuple[Structured | None, int]] = {}
+"""{id of programs: the mechanism as one of its structure, and how many facts its model had}, as long as they are there."""
 
 
 def _key(words: str) -> str:

@@ -64,14 +64,14 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
         programs, phi_q, mass, omitted, files = _restored(entry)
     equations = DeferredTerms(model)  # it derives what it lacks of them when asked
     recalled = Programs(equations=equations, programs=programs, phi_q=phi_q, mass=mass, emission=emission, omitted=omitted)
-    _note(recalled, key)
+    note(recalled, key)
     return Sources(recalled, {"c": files})
 
 
 def remember(key: str, sources: Sources) -> None:
     """Keep the sources of a model."""
     programs = sources.programs
-    _note(programs, key)
+    note(programs, key)
     with undisturbed():
         keep(KIND, key, _plain((programs.programs, programs.phi_q, programs.mass, programs.omitted, sources.c)), MAX_ENTRY_BYTES)
 
@@ -107,11 +107,11 @@ def _key_of(programs: Programs) -> str | None:
     model_key, facts = _keys.get(id(programs), (None, -1))
     if facts != len(model.facts):
         model_key = key(model, programs.emission)
-        _note(programs, model_key)
+        note(programs, model_key)
     return model_key
 
 
-def _note(programs: Programs, key: str | None) -> None:
+def note(programs: Programs, key: str | None) -> None:
     """Let it be known what a mechanism is kept under."""
     if id(programs) not in _keys:
         finalize(programs, _keys.pop, id(programs), None)
