@@ -171,10 +171,23 @@ class Pattern:
         return len(self.indices)
 
     @cached_property
+    def rows(self) -> np.ndarray:
+        """Row of every nonzero."""
+        return np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
+
+    @cached_property
     def flat(self) -> np.ndarray:
         """Position of every nonzero in the dense matrix, row by row."""
-        rows = np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
-        return rows * self.shape[1] + np.array(self.indices, dtype=int)
+        return self.rows * self.shape[1] + np.array(self.indices, dtype=int)
+
+    def times(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The product of the matrix of these values with a vector, shape (rows,)."""
+        return np.bincount(self.rows, weights=values * x[np.array(self.indices, dtype=int)], minlength=self.shape[0])
+
+    def diagonal(self, values: np.ndarray) -> np.ndarray:
+        """The diagonal of the matrix of these values, shape (rows,)."""
+        on_it = self.rows == np.array(self.indices, dtype=int)
+        return np.bincount(self.rows[on_it], weights=values[on_it], minlength=self.shape[0])
 
     def dense(self, values: np.ndarray) -> np.ndarray:
         """The matrices (…, rows, columns) of values (…, nonzeros)."""

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
-import scipy
 
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Component
@@ -132,7 +131,7 @@ def heaviness_of(tree: TreeVelocities, pattern: Pattern, masses: np.ndarray, q: 
 
     masses: values of M at q; columns (n,): natural sizes of the coordinates
     """
-    diagonal = scipy.sparse.csr_array((masses, pattern.indices, pattern.indptr), shape=pattern.shape).diagonal()
+    diagonal = pattern.diagonal(masses)
     heaviest_entry, size = np.zeros(len(tree.elements)), np.ones(len(tree.elements))
     for c, (e, _) in tree.where.items():
         heaviest_entry[e], size[e] = max(heaviest_entry[e], diagonal[c]), columns[c]

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, Couplings, NoTables, couplings
@@ -211,21 +210,28 @@ class TreeRows(TreeVelocities):
             rates[leader, screw] = ratio * sizes[leader]
         return np.delete(rates, list(self.coupled.leaders), axis=0)
 
+    def least_inertia(self, q: np.ndarray, pattern: Pattern, masses: np.ndarray) -> float:
+        """The least eigenvalue of the mass matrix of the joints, with 1 on its diagonal: how far it is from a motion without inertia.
+
+        pattern, masses: of M at q
+        """
+        moved = self.velocities(q, self._joint_rates())[:, : self.n]
+        matrix = np.array([pattern.times(masses, v) for v in moved]) @ moved.T
+        sizes = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+        return float(np.linalg.eigvalsh(matrix / np.outer(sizes, sizes))[0]) if np.all(sizes > 0) else 0.0
+
     def _opposed(self, sample: SampledPosition, rows: Sequence[int]) -> list[int]:
         """Those of some rows that do not allow what the joints do. Raises NoTables where joints move a fixed component."""
         opposed: set[int] = set()
-        jacobian = self._jacobian(sample)
         for v in self.velocities(sample.q, self._random()):
             moved, held, least = v[: self.n], v[self.n :], RELATIVE_TOLERANCE * np.max(np.abs(v[: self.n]))
-            off, terms = np.abs(jacobian @ moved), abs(jacobian) @ np.abs(moved)
+            off = np.abs(self.pattern.times(sample.phi_q, moved))
+            terms = self.pattern.times(np.abs(sample.phi_q), np.abs(moved))
             rounding = ENTRY_ROUNDING * self.around.rows * np.max(np.abs(moved) / self.around.columns)
             if np.any(np.abs(held) > least):
                 raise NoTables("joints move what is fixed")
             opposed |= {r for r in rows if off[r] > RELATIVE_TOLERANCE * terms[r] + rounding[r]}
         return sorted(opposed)
-
-    def _jacobian(self, sample: SampledPosition) -> scipy.sparse.csr_array:
-        return scipy.sparse.csr_array((sample.phi_q, self.pattern.indices, self.pattern.indptr), shape=self.pattern.shape)
 
     def is_regular(self, sample: SampledPosition) -> bool:
         """True where all rows are independent, link by link."""

@@ -199,7 +199,7 @@ class OpenTree(TreeRows):
     def _over_joints(self, sample: SampledPosition, rows: Sequence[int]) -> np.ndarray:
         """Φ_q of rows over the rates of joints: (rows, free)."""
         moved = self.velocities(sample.q, self._joint_rates())[:, : self.n]
-        return (self._jacobian(sample)[rows] @ moved.T) / self.around.rows[rows, None]
+        return np.array([self.pattern.times(sample.phi_q, v)[rows] for v in moved]).T / self.around.rows[rows, None]
 
     def _allowed(self, sample: SampledPosition) -> np.ndarray:
         """Random rates (tries, screws) of all joints that loops allow."""

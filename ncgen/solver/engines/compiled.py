@@ -16,6 +16,7 @@ from ncgen.solver.formalisms.kkt import MAX_DENSE_UNKNOWNS
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.positions.branches import refresh_branches, rule_of
 from ncgen.solver.positions.described_position import found_in_described, is_described
+from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.partition import MIN_GAIN, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.divergence import unsolved_step
@@ -102,10 +103,18 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     return reason
 
 
+SURE_INERTIA = 1e-8
+"""The least eigenvalue of a mass matrix with 1 on its diagonal that rounding has no part in."""
+
+
 def _all_have_inertia(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
     """True. Raises SingularError where a motion that the constraints allow has no inertia."""
 
     def find() -> bool:
+        tree = open_tree(kernels)
+        masses = kernels.values("mass", t, q, None, p)
+        if tree and tree.least_inertia(q, kernels.mass_pattern, masses) > SURE_INERTIA:
+            return True
         return bool(least_energy(kernels, q, t, p))
 
     is_kept = kernels.n + kernels.m > MAX_DENSE_UNKNOWNS and is_described(kernels, q, t, p)
