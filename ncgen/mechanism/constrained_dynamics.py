@@ -87,7 +87,7 @@ class ConstrainedDynamics(Dynamics):
         source = filled_motion(kernels, samples_of)
         loaded = _loaded_motion(kernels, number, source)
         if loaded and not serves(kernels, source, loaded[0], loaded[1]()):
-            loaded = _loaded_motion(kernels, number, filled_motion(kernels, samples_of, is_own=True))
+            loaded = _loaded_motion(kernels, number, filled_motion(kernels, samples_of, only_exact=True))
         return loaded and loaded[1:]
 
     @property

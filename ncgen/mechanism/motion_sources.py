@@ -51,14 +51,14 @@ def motion_source(
     return recall.derived(kernels.programs, words, made)
 
 
-def filled_motion(kernels: Kernels, samples_of: Callable[[], Seen | None], is_own: bool = False) -> FilledSources:
-    """The motion as it is compiled for calls from Python: its numbers are data. Arguments as of `motion_source`; is_own: not what was
-    generated for other numbers."""
+def filled_motion(kernels: Kernels, samples_of: Callable[[], Seen | None], only_exact: bool = False) -> FilledSources:
+    """The motion as it is compiled for calls from Python: its numbers are data. Arguments as of `motion_source`; only_exact: not what
+    was generated for other numbers."""
     structure, forced = numbered.of(kernels.programs), bool(kernels.model.callbacks)
     if structure is None:
         return FilledSources(motion_source(kernels, samples_of), None)
     kind = "forced motion" if forced else "motion"
-    entry = structure.recall(kind, is_own)
+    entry = structure.recall(kind, only_exact)
     if entry is not None:
         return entry.sources
     with undisturbed():

@@ -6,22 +6,21 @@ of these comparisons has another outcome for the numbers of a model, its code is
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import finalize
 
 from ncgen.emit.number_table import FilledSources, NumberTable
 from ncgen.mechanism import recall
+from ncgen.mechanism.by_programs import ByPrograms
 from ncgen.mechanism.generator_identity import generator_identity
 from ncgen.mechanism.recall import Files
 from ncgen.model import Model
 from ncgen.model.traced_numbers import Operation, Trace, TracedComparison, computed
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.programs import Programs
-from ncgen.symbolic.traced_model import TracedModel, traced
+from ncgen.symbolic.traced_model import TracedModel, has_structure, traced
 from ncgen.toolchain.cache_location import keep, kept
 
 if TYPE_CHECKING:
@@ -64,16 +63,17 @@ class Structured:
 
     def recall(self, kind: str, only_exact: bool = False) -> KeptCode | None:
         """What was kept of a kind for these numbers, or for others where it holds for these, too. only_exact: not for others."""
-        for key, is_exact in self._keys(kind):
-            entry = kept(recall.KIND, key) if is_exact or not only_exact else None
+        general, exact = self._keys(kind)
+        for key in (exact,) if only_exact else (general, exact):
+            entry = kept(recall.KIND, key)
             if entry is None:
                 continue
-            plain, files, table, *trace = entry
+            made_for, plain, files, table, *trace = entry
             operations, comparisons = _restored_trace(*trace)
             values = computed(operations, comparisons, self.numbers, FUNCTIONS_OF_NUMBERS)
             if values is not None:
                 more = recall.restored(plain, Trace(operations), values)
-                return KeptCode(more, FilledSources(files, None if table is None else [values[k] for k in table], is_exact))
+                return KeptCode(more, FilledSources(files, None if table is None else [values[k] for k in table], made_for == exact))
         return None
 
     def remember(self, kind: str, more: Any, files: Files, table: NumberTable | None, is_general: bool = True) -> FilledSources:
@@ -81,20 +81,22 @@ class Structured:
         the structure already, or where it is not general."""
         trace = self.traced.trace
         operations = None if table is None else [trace.operation(value) for value in table.entries]
-        entry = (recall.plain(more), files, operations, trace.operations, trace.comparisons if is_general else [])
-        general, exact = (key for key, _ in self._keys(kind))
+        general, exact = self._keys(kind)
+        entry = (exact, recall.plain(more), files, operations, trace.operations, trace.comparisons if is_general else [])
         keep(recall.KIND, general if is_general and kept(recall.KIND, general) is None else exact, entry, recall.MAX_ENTRY_BYTES)
         return FilledSources(files, None if table is None else [float(value) for value in table.entries], True)
 
-    def _keys(self, kind: str) -> list[tuple[str, bool]]:
+    def _keys(self, kind: str) -> tuple[str, str]:
         """What a kind is kept under, for the structure and for the numbers alone."""
         words = f"{generator_identity()}\n{self.emission}\n{kind}\n{self.digest}"
         numbers = " ".join(map(float.hex, self.numbers))
-        return [(_key(words), False), (_key(f"{words}\n{numbers}"), True)]
+        return recall.digest_of(words), recall.digest_of(f"{words}\n{numbers}")
 
 
 def structured(model: Model, emission: str) -> Structured | None:
     """A model as one of its structure; None where its numbers are not told from it."""
+    if not has_structure(model):
+        return None
     key = recall.key(model, emission)
     digest, numbers = _told_apart(model, key)
     if not digest:
@@ -111,7 +113,7 @@ def _told_apart(model: Model, key: str | None) -> tuple[str, list[float]]:
 
     if key is None:
         return tell()
-    named = _key(f"{key}\nstructure")
+    named = recall.digest_of(f"{key}\nstructure")
     entry = kept(recall.KIND, named)
     if entry is None:
         entry = tell()
@@ -120,31 +122,15 @@ def _told_apart(model: Model, key: str | None) -> tuple[str, list[float]]:
     return digest, numbers
 
 
-def of(programs: Programs) -> Structured | None:
-    """The same of a mechanism, found once, and again if its model has grown."""
-    model = programs.equations.model
-    structure, facts = _structures.get(id(programs), (None, -1))
-    if facts != len(model.facts):
-        structure = structured(model, programs.emission)
-        associate(programs, structure)
-    return structure
-
-
-def associate(programs: Programs, structure: Structured | None) -> None:
+def associate(programs: Programs, structure: Structured | None) -> Structured | None:
     """Let this be what `of` finds."""
-    if id(programs) not in _structures:
-        finalize(programs, _structures.pop, id(programs), None)
-    _structures[id(programs)] = structure, len(programs.equations.model.facts)
     if structure is not None:
-        recall.note(programs, structure.key)
+        recall.key_of.note(programs, structure.key)
+    return of.note(programs, structure)
 
 
-_structures: dict[int, tuple[Structured | None, int]] = {}
-"""{id of programs: the mechanism as one of its structure, and how many facts its model had}, as long as they are there."""
-
-
-def _key(words: str) -> str:
-    return hashlib.sha256(words.encode()).hexdigest()[:40]
+of = ByPrograms(lambda programs: associate(programs, structured(programs.equations.model, programs.emission)))
+"""The mechanism of some programs as one of its structure."""
 
 
 def _restored_trace(operations: Sequence[Any], comparisons: Sequence[Any]) -> tuple[list[Operation], list[TracedComparison]]:

@@ -9,11 +9,11 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeAlias, TypeVar
-from weakref import finalize
 
 import numpy as np
 
 from ncgen.emit.sources import Sources
+from ncgen.mechanism.by_programs import ByPrograms
 from ncgen.mechanism.generator_identity import generator_identity
 from ncgen.model import Model
 from ncgen.model.digest import digest
@@ -45,14 +45,19 @@ JSON_TYPES = (float, int, type(None))
 """What stands for an operation without arguments as JSON can say it."""
 
 
-_keys: dict[int, tuple[str | None, int]] = {}
-"""{id of programs: (what they are kept under, facts of their model at that time)}, as long as they are there."""
-
-
 def key(model: Model, emission: str) -> str | None:
     """What the sources of a model are kept under; None for a model that cannot be told from others."""
     model_digest = digest(model)
-    return model_digest and hashlib.sha256(f"{generator_identity()}\n{emission}\n{model_digest}".encode()).hexdigest()[:40]
+    return model_digest and digest_of(f"{generator_identity()}\n{emission}\n{model_digest}")
+
+
+key_of = ByPrograms(lambda programs: key(programs.equations.model, programs.emission))
+"""What a mechanism is kept under; its model is described once for all that is asked for."""
+
+
+def digest_of(words: str) -> str:
+    """What something is kept under that these words tell from all else."""
+    return hashlib.sha256(words.encode()).hexdigest()[:40]
 
 
 def recall(model: Model, emission: str, key: str) -> Sources | None:
@@ -64,14 +69,14 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
         programs, phi_q, mass, omitted, files = _restored(entry)
     equations = DeferredTerms(model)  # it derives what it lacks of them when asked
     recalled = Programs(equations=equations, programs=programs, phi_q=phi_q, mass=mass, emission=emission, omitted=omitted)
-    note(recalled, key)
+    key_of.note(recalled, key)
     return Sources(recalled, {"c": files})
 
 
 def remember(key: str, sources: Sources) -> None:
     """Keep the sources of a model."""
     programs = sources.programs
-    note(programs, key)
+    key_of.note(programs, key)
     with undisturbed():
         keep(KIND, key, _plain((programs.programs, programs.phi_q, programs.mass, programs.omitted, sources.c)), MAX_ENTRY_BYTES)
 
@@ -81,18 +86,18 @@ def derived(programs: Programs, description: str, make: Callable[[], Made]) -> M
 
     description: what it is, in words that tell them from others of the same mechanism
     """
-    programs_key = _key_of(programs)
+    programs_key = key_of(programs)
     with undisturbed():
         return make() if programs_key is None else shared(f"{programs_key}\n{description}", make)
 
 
 def derived_tangents(programs: Programs, kind: str, make: Callable[[], TangentPrograms]) -> TangentPrograms:
     """Tangent programs of a mechanism, from the cache or made now; kind: as theirs."""
-    programs_key = _key_of(programs)
+    programs_key = key_of(programs)
     with undisturbed():
         if programs_key is None:
             return make()
-        named = hashlib.sha256(f"{programs_key}\n{kind}".encode()).hexdigest()[:40]
+        named = digest_of(f"{programs_key}\n{kind}")
         entry = kept(KIND, named)
         if entry is not None:
             return TangentPrograms(kind, *_restored(entry))
@@ -101,26 +106,9 @@ def derived_tangents(programs: Programs, kind: str, make: Callable[[], TangentPr
     return made
 
 
-def _key_of(programs: Programs) -> str | None:
-    """What a mechanism is kept under; its model is described once for all that is asked for, and again if it has grown."""
-    model = programs.equations.model
-    model_key, facts = _keys.get(id(programs), (None, -1))
-    if facts != len(model.facts):
-        model_key = key(model, programs.emission)
-        note(programs, model_key)
-    return model_key
-
-
-def note(programs: Programs, key: str | None) -> None:
-    """Let it be known what a mechanism is kept under."""
-    if id(programs) not in _keys:
-        finalize(programs, _keys.pop, id(programs), None)
-    _keys[id(programs)] = key, len(programs.equations.model.facts)
-
-
 def shared(description: str, make: Callable[[], Any]) -> Any:
     """What is the same for all mechanisms, likewise."""
-    named = hashlib.sha256(f"{generator_identity('solver', 'mechanism')}\n{description}".encode()).hexdigest()[:40]
+    named = digest_of(f"{generator_identity('solver', 'mechanism')}\n{description}")
     made = kept(KIND, named)
     if made is None:
         made = make()

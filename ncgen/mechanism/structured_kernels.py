@@ -10,6 +10,7 @@ from ncgen.emit.number_table import FilledSources, NumberTable
 from ncgen.emit.sources import Sources
 from ncgen.mechanism import numbered
 from ncgen.mechanism.numbered import Structured
+from ncgen.mechanism.recall import Files
 from ncgen.model import Model
 from ncgen.program.programs import Programs
 from ncgen.symbolic.numbering import DeferredTerms
@@ -34,16 +35,19 @@ def compiled_sources(programs: Programs) -> FilledSources:
     """The sources of programs that are compiled for calls from Python, printed now."""
     if numbered.of(programs) is None:
         return FilledSources(model_files(programs), None)
-    table = NumberTable(f"{prefix_of(programs.equations.model.name)}_numbers")
-    files = model_files(programs, table)
+    files, table = _printed(programs)
     return FilledSources(files, list(map(float, table.entries)))
 
 
 def remembered_sources(structure: Structured, model: Model, programs: Programs) -> Sources:
     """The sources of programs that were generated from the traced equations of a model, which are kept."""
-    table = NumberTable(f"{prefix_of(model.name)}_numbers")
-    files = model_files(programs, table)
     more = (programs.programs, programs.phi_q, programs.mass, programs.omitted)
     made = replace(programs, equations=DeferredTerms(model))
     numbered.associate(made, structure)
-    return Sources(made, {}, structure.remember(KIND, more, files, table))
+    return Sources(made, {}, structure.remember(KIND, more, *_printed(programs)))
+
+
+def _printed(programs: Programs) -> tuple[Files, NumberTable]:
+    """Their sources, and the table that these read the numbers from."""
+    table = NumberTable(f"{prefix_of(programs.equations.model.name)}_numbers")
+    return model_files(programs, table), table

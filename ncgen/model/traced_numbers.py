@@ -10,6 +10,7 @@ import math
 import operator
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 GIVEN, CONSTANT = "given", "constant"
@@ -43,8 +44,12 @@ class Trace:
 
     def __init__(self, operations: Sequence[Operation] = ()) -> None:
         self.operations: list[Operation] = list(operations)
-        self._known = {operation: k for k, operation in enumerate(self.operations)}
         self._outcomes: dict[tuple[str, int, int], bool] = {}
+
+    @cached_property
+    def _known(self) -> dict[Operation, int]:
+        """{operation: its number}; what is only recalled has no need of it."""
+        return {operation: k for k, operation in enumerate(self.operations)}
 
     @property
     def comparisons(self) -> list[TracedComparison]:
@@ -107,18 +112,19 @@ ROUNDING = 4 * sys.float_info.epsilon
 """By which a number that was computed may miss 1 or −1."""
 
 
+def unit_near(number: float) -> float | None:
+    """0 where a number is 0, 1 or −1 where it is that but for rounding, else None."""
+    return next((unit for unit in (0.0, 1.0, -1.0) if abs(number - unit) <= (ROUNDING if unit else 0.0)), None)
+
+
 def folded(value: float) -> float:
     """A number, or 0, 1 or −1 where it is that and simplifies what it meets; of a traced number the comparison is recorded, and 1 is what
     differs from it by rounding."""
-    number = float(value)
-    if not isinstance(value, Traced):
-        return number
-    if number == 0.0:
-        return 0.0 if value == 0.0 else number
-    for unit in (1.0, -1.0):
-        if abs(number - unit) <= ROUNDING and abs(value - unit) <= ROUNDING:
-            return unit
-    return value
+    unit = unit_near(float(value))
+    if unit is None or not isinstance(value, Traced):
+        return value if isinstance(value, Traced) else float(value)
+    is_unit = abs(value - unit) <= ROUNDING if unit else value == 0.0
+    return unit if is_unit else value
 
 
 class Traced(float):

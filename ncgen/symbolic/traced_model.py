@@ -16,7 +16,7 @@ from ncgen.model import Model
 from ncgen.model.catalogue import RowType
 from ncgen.model.digest import NOT_IN_EQUATIONS
 from ncgen.model.expressions import is_symbolic
-from ncgen.model.traced_numbers import ROUNDING, Trace, Traced
+from ncgen.model.traced_numbers import Trace, Traced, unit_near
 from ncgen.symbolic.inertia import StandardInertia, standard_inertia, take_standard
 from ncgen.symbolic.inertia_terms import Amount, Amounts, amounts_of, take_amounts
 from ncgen.symbolic.omissions import angle_row_type, perpendicular_pairs
@@ -36,11 +36,14 @@ class TracedModel:
     numbers: list[float]
 
 
+def has_structure(model: Model) -> bool:
+    """Whether the numbers of a model may be told from its structure: not with parameters or curves, whose expressions contain numbers."""
+    return not (model.parameters or model.curves)
+
+
 def traced(model: Model) -> TracedModel | None:
-    """The structure and the numbers of a model; None where they cannot be told apart: where it has parameters or curves, whose expressions
-    contain numbers, or holds something that has no name and no value, or numbers whose products are no doubles."""
-    if model.parameters or model.curves:
-        return None
+    """The structure and the numbers of a model that has one; None where it holds something that has no name and no value, or numbers whose
+    products are no doubles."""
     walk = _Walk(model.has_separate_numbers)
     try:
         copy = walk.model(model)
@@ -108,7 +111,7 @@ class _Walk:
         raise TypeError(f"{value!r} has no value that could be told")
 
     def _float(self, value: float) -> float:
-        unit = next((unit for unit in (0.0, 1.0, -1.0) if abs(value - unit) <= (ROUNDING if unit else 0.0)), None)
+        unit = unit_near(value)
         if unit is not None:
             self.words.append(unit.hex())
             return unit

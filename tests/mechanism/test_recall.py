@@ -129,10 +129,10 @@ def test_a_model_that_has_grown_is_another(generations):
     """What is derived of kernels later is kept for the model as it is then."""
     model = pendulum()
     kernels = ncgen.compile(model, "c")
-    before = recall._key_of(kernels.programs)
-    assert before == recall.key(model, "auto") == recall._key_of(ncgen.compile(pendulum(), "c").programs)
+    before = recall.key_of(kernels.programs)
+    assert before == recall.key(model, "auto") == recall.key_of(ncgen.compile(pendulum(), "c").programs)
     model.point("B", (2, 0))
-    assert recall._key_of(kernels.programs) == recall.key(model, "auto") != before
+    assert recall.key_of(kernels.programs) == recall.key(model, "auto") != before
 
 
 def test_damaged_files_are_written_again(generations, cache):

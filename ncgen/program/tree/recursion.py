@@ -29,6 +29,7 @@ from ncgen.program.algebra.elimination import (
     solve_transposed,
     times,
 )
+from ncgen.program.algebra.inertia_matrix import least_inertia
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.sampling import Sample
 from ncgen.program.kernel_table import KERNELS
@@ -80,8 +81,7 @@ def _is_positive(matrix: dict[tuple[int, int], float], size: int) -> bool:
     dense = np.zeros((size, size))
     for (i, j), value in matrix.items():
         dense[i, j] = value
-    scale = np.sqrt(np.diag(dense).clip(min=0.0))
-    return bool(np.all(scale > 0)) and (not size or np.linalg.eigvalsh(dense / np.outer(scale, scale))[0] > ROUNDING)
+    return least_inertia(dense) > ROUNDING
 
 
 class Recursion:

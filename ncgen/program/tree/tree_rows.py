@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ncgen.program.algebra.inertia_matrix import least_inertia
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, Couplings, NoTables, couplings
 from ncgen.program.tree.tree_velocities import TreeVelocities
@@ -211,14 +212,12 @@ class TreeRows(TreeVelocities):
         return np.delete(rates, list(self.coupled.leaders), axis=0)
 
     def least_inertia(self, q: np.ndarray, pattern: Pattern, masses: np.ndarray) -> float:
-        """The least eigenvalue of the mass matrix of the joints, with 1 on its diagonal: how far it is from a motion without inertia.
+        """How far the mass matrix of the joints is from a motion without inertia: see `inertia_matrix`.
 
         pattern, masses: of M at q
         """
         moved = self.velocities(q, self._joint_rates())[:, : self.n]
-        matrix = np.array([pattern.times(masses, v) for v in moved]) @ moved.T
-        sizes = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-        return float(np.linalg.eigvalsh(matrix / np.outer(sizes, sizes))[0]) if np.all(sizes > 0) else 0.0
+        return least_inertia(np.array([pattern.times(masses, v) for v in moved]) @ moved.T)
 
     def _opposed(self, sample: SampledPosition, rows: Sequence[int]) -> list[int]:
         """Those of some rows that do not allow what the joints do. Raises NoTables where joints move a fixed component."""
