@@ -14,7 +14,6 @@ from ncgen.comparisons.rivals.exact import DIGITS, MPMATH
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.dynamics import DynamicsPrograms
 
-
 PARTS = 10
 """Newton's method comes to a posture in so many parts: from the start of an arm of 50 joints to one in which all are turned it diverges."""
 
