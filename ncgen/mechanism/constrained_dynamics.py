@@ -29,6 +29,10 @@ MIN_CACHED_UNKNOWNS = 100
 """Unknowns of the matrix from which on the plan by which it is factored is kept in the cache: making it takes longer."""
 
 
+BESIDES = 3
+"""Combinations of rows that are looked at in addition to those that vanish, as in ncgen_rows.c."""
+
+
 class ConstrainedDynamics(Dynamics):
     """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism.
 
@@ -144,6 +148,11 @@ class ConstrainedDynamics(Dynamics):
         return done
 
 
+def row_vectors(m: int, rank: int) -> int:
+    """How many vectors of all unknowns the runtime needs to choose among redundant rows, as in ncgen_rows.c; rank: −1 where it changes."""
+    return 0 if rank == m else 1 + (m if rank < BESIDES else m - rank + BESIDES)
+
+
 def _loaded_motion(kernels: Kernels, number: str, source: FilledSources) -> tuple[Interface, Callable[[], InC], InC] | None:
     """The interface of an emitted motion, what gives it, and the library that it lives in; None where there is none."""
     if not source.files:
@@ -163,6 +172,6 @@ def _plan(kernels: Kernels, rows_first: bool) -> Elimination:
 
     if kernels.n + kernels.m < MIN_CACHED_UNKNOWNS:
         return made()
-    members = derived(kernels.programs, f"elimination {'rows' if rows_first else 'coordinates'} first", lambda: vars(made()))
+    members = derived(kernels.programs, f"elimination2 {'rows' if rows_first else 'coordinates'} first", lambda: vars(made()))
     arrays: dict[str, Any] = {name: tuple(members[name]) for name in Elimination.ARRAYS}
     return Elimination(**members | arrays)

@@ -7,13 +7,14 @@ from every_example import EVERY
 
 import ncgen
 from ncgen.emit.runtime_files import runtime_text, widest_tableau
+from ncgen.mechanism.constrained_dynamics import row_vectors
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
 from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.positions.rank import freedom
 
 
-def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int, p_copy: int) -> int:
+def most(n: int, m: int, nonzeros: int, factor: int, vectors: int, width: int, p_copy: int) -> int:
     """NCGEN_DRIVEN_WORKSPACE, read from the header."""
     text = runtime_text("ncgen_driven.h").split("#define NCGEN_DRIVEN_WORKSPACE")[1]
     formula = text[text.index("\\") + 1 : text.index("\n\n")].strip()
@@ -33,7 +34,7 @@ def test_workspace(name, method):
         prepared = dynamics.prepared
         p_copy = len(kernels.p0) + prepared if prepared else 0
         nonzeros = kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros
-        bound = most(kernels.n, kernels.m, nonzeros, dynamics.plan.nonzeros, int(rank < kernels.m), widest_tableau(), p_copy)
+        bound = most(kernels.n, kernels.m, nonzeros, dynamics.plan.nonzeros, row_vectors(kernels.m, rank), widest_tableau(), p_copy)
         assert moving.workspace <= bound
         if form == "emitted" and method == "dop853" and dynamics.is_emitted:
             assert moving.workspace == bound  # nothing is given away where all of it is used

@@ -22,6 +22,7 @@ from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, neede
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
 from ncgen.exchange.export.switches import Switching, assemble_switches
+from ncgen.mechanism.constrained_dynamics import row_vectors
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_sources import motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
@@ -151,6 +152,7 @@ class Package:
             "nonzeros": kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros,
             "rank": self.rank,
             "redundant": self.rank < kernels.m,
+            "vectors": row_vectors(kernels.m, self.rank),
             "singular_mass": self.singular_mass,
             "conservative": self.conservative,
             "widest": widest_tableau(),
@@ -166,10 +168,11 @@ class Package:
         """The same of it, and the larger numbers of both: rows, numbers in matrices and factors."""
         described, held = self._described, self.held
         if held is None:
-            room = {name: described[name] for name in ("nonzeros", "redundant")} | {"rows": self.kernels.m, "factor": self._order.nonzeros}
+            room = {name: described[name] for name in ("nonzeros", "vectors")} | {"rows": self.kernels.m, "factor": self._order.nonzeros}
             return {"held": None, "room": room}
         other = self.of_held
-        room = {"rows": held.kernels.m, "nonzeros": other._described["nonzeros"], "factor": other._order.nonzeros, "redundant": True}
+        room = {"rows": held.kernels.m, "nonzeros": other._described["nonzeros"], "factor": other._order.nonzeros}
+        room |= {"vectors": row_vectors(held.kernels.m, -1)}
         changing = {"rank": -1}  # as many rows are independent as are there with what is held
         return {"held": {"prefix": other.prefix, "m": held.kernels.m, **other._described, **changing}, "room": room}
 

@@ -42,9 +42,10 @@ def plan(mass: Pattern, phi_q: Pattern, rows_first: bool = False) -> Elimination
         if i != j:
             neighbours[i].add(j)
             neighbours[j].add(i)
+    massive = {i for i, j in mass.positions() if i == j}
     waits: list[set[int]] = [set() for _ in range(n + m)]
     for i, j in phi_q.positions():
-        first, then = (n + i, j) if rows_first else (j, n + i)
+        first, then = (n + i, j) if rows_first and j not in massive else (j, n + i)
         waits[then].add(first)
     order, columns = _minimum_degree(neighbours, waits)
     return _index(order, columns, entries)

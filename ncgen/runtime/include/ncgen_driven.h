@@ -13,10 +13,11 @@ extern "C" {
 #endif
 
 /* As much workspace as the functions below need at most, for arrays whose length the compiler has to know: n coordinates, m rows,
- * nonzeros of mass and phi_q together, those of the elimination's factor, whether rows are redundant, the width of the method's
- * tableau, and parameters with what is prepared of them, 0 where nothing is. */
-#define NCGEN_DRIVEN_WORKSPACE(n, m, nonzeros, factor, redundant, width, p_copy) \
-    ((p_copy) + 17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 1) + (nonzeros) + (factor) + (redundant) * ((n) * (m) + 4 * ((n) + (m))))
+ * nonzeros of mass and phi_q together, those of the elimination's factor, vectors of all unknowns by which redundant rows are chosen
+ * (0 without such rows, else one more than there are combinations in ncgen_rows.h), the width of the method's tableau, and parameters with
+ * what is prepared of them, 0 where nothing is. */
+#define NCGEN_DRIVEN_WORKSPACE(n, m, nonzeros, factor, vectors, width, p_copy) \
+    ((p_copy) + 17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 1) + (nonzeros) + (factor) + (vectors) * ((n) + (m)))
 
 /* begin cdef */
 

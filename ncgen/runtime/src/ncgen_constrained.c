@@ -7,6 +7,7 @@
 #include "ncgen_dense.h"
 #include "ncgen_method.h"
 #include "ncgen_pivots.h"
+#include "ncgen_rows.h"
 
 enum { REFINEMENT_LIMIT = 20 };
 
@@ -47,11 +48,13 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     w->natural = ncgen_take(space, r->n);
     w->redundant = d->n_dependent != 0 ? d->n_dependent < r->m : r->m > 0 && w->n_phi_q == 0;
     w->redundant = w->redundant && r->options->formalism != NCGEN_PENALTY; /* which needs all of them */
-    if (ncgen_constrained_is_dense(r) || w->redundant) {
-        w->jacobian = ncgen_take(space, r->n * r->m);
-        w->scaled = ncgen_take(space, 4 * (r->n + r->m));
+    if (w->redundant) {
+        w->combinations = ncgen_take(space, ncgen_combination_count(r->m, d->n_dependent) * (r->n + r->m));
+        w->probe = ncgen_take(space, r->n + r->m);
     }
     if (ncgen_constrained_is_dense(r)) {
+        w->jacobian = ncgen_take(space, r->n * r->m);
+        w->scaled = ncgen_take(space, 4 * (r->n + r->m));
         w->basis = ncgen_take(space, r->n * r->n);
         w->square = ncgen_take(space, (r->n + r->m) * r->n);
     }
@@ -74,10 +77,11 @@ static int prepare(ncgen_run *r, ncgen_scalar t)
     for (int i = 0; i < r->m; ++i)
         w->is_left_out[i] = 0;
     if (w->redundant)
-        ncgen_choose_rows(r, w);
-    ncgen_set_diagonal(r, w);
-    w->is_prepared = 1;
-    return NCGEN_OK;
+        status = ncgen_choose_rows(r, w);
+    else
+        ncgen_set_diagonal(r, w, 0);
+    w->is_prepared = status == NCGEN_OK;
+    return status;
 }
 
 /* M, unless it is constant and known. */
@@ -140,36 +144,52 @@ ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *row
 }
 
 /* Are the factors those of the equations, to nearly all digits? They are not where a diagonal stands in for pivots, nor where pivots
- * have become small: near a singular position, which projected stages and the growth of the recursion show. */
+ * have become small: that shows in the pivots, and near a singular position in projected stages and in the growth of the recursion. */
 static int factors_are_exact(const ncgen_run *r, const ncgen_constrained *w)
 {
     const int pivots_are_small = r->projecting || (w->is_recursive && !(w->pivot_growth < R(1.0e4)));
-    return !(pivots_are_small || w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10));
+    const int has_lost_digits = w->kkt.perturbed || w->kkt.weak || w->kkt.let_go > w->left_out;
+    return !(pivots_are_small || has_lost_digits || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10));
 }
 
-/* w->solution of the equations with the right side w->right; refined where the factors are not exact. */
+/* Does the solution satisfy the rows that got no multiplier, though no others imply them? w->residual is that of the solution. */
+static int fits_rows(const ncgen_run *r, const ncgen_constrained *w, ncgen_real size)
+{
+    ncgen_real largest = 0;
+    if (w->kkt.let_go <= w->left_out)
+        return 1;
+    for (int i = 0; i < r->m; ++i) {
+        const ncgen_real rest = NCGEN_ABS(w->residual[r->n + i]) / r->dynamics->row_sizes[i];
+        largest = !w->is_left_out[i] && rest > largest ? rest : largest;
+    }
+    return largest <= NCGEN_SQRT(r->rounding) * (size + ncgen_constrained_violation(r, w->right + r->n));
+}
+
+/* w->solution of the equations with the right side w->right; refined where the factors are not exact. The last change, which the
+ * equations determine no better, is about the error of the solution. */
 int ncgen_constrained_solve(ncgen_run *r)
 {
     ncgen_constrained *w = r->constrained;
     ncgen_kkt_solve(&w->kkt, w->right, w->solution);
     if (factors_are_exact(r, w))
         return NCGEN_OK;
-    ncgen_real before = 0;
+    ncgen_real before = 0, size = 0;
     for (int k = 0; k < REFINEMENT_LIMIT; ++k) {
         find_residual(r, w, r->options->formalism == NCGEN_PENALTY);
+        const int fits = fits_rows(r, w, size);
         ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
         const ncgen_real change = ncgen_constrained_size(r, w->residual);
-        const ncgen_real size = ncgen_constrained_size(r, w->solution);
+        size = ncgen_constrained_size(r, w->solution);
         if (k > 0 && !(change < R(0.5) * before)) /* at rounding, or beyond what the equations determine */
-            return w->kkt.perturbed && change > NCGEN_SQRT(r->rounding) * size ? NCGEN_SINGULAR : NCGEN_OK;
+            return fits && before <= NCGEN_SQRT(r->rounding) * size ? NCGEN_OK : NCGEN_SINGULAR;
         for (int i = 0; i < r->n + r->m; ++i)
             w->solution[i] += w->residual[i];
         r->statistics->refinements += 1;
         if (change <= 4 * r->rounding * size)
-            return NCGEN_OK;
+            return fits ? NCGEN_OK : NCGEN_SINGULAR;
         before = change;
     }
-    return NCGEN_OK;
+    return before <= NCGEN_SQRT(r->rounding) * size ? NCGEN_OK : NCGEN_SINGULAR;
 }
 
 /* gamma - 2 xi omega Phid - omega^2 Phi at the rows of w->right. */
@@ -337,12 +357,14 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     return ncgen_constrained_power(r, t, yd + 2 * n);
 }
 
-void ncgen_constrained_rows(ncgen_run *r)
+/* A matrix without factors is left as it is: the evaluation that follows finds the same, and reports it. */
+void ncgen_constrained_rows(ncgen_run *r, int factors_are_near)
 {
-    if (!r->constrained->redundant || !r->constrained->is_prepared)
+    ncgen_constrained *w = r->constrained;
+    if (!w->redundant || !w->is_prepared || (!factors_are_near && ncgen_constrained_factor(r) != NCGEN_OK))
         return;
-    ncgen_choose_rows(r, r->constrained);
-    ncgen_set_diagonal(r, r->constrained);
+    if (!ncgen_rows_are_good(r, w))
+        ncgen_choose_rows(r, w);
 }
 
 int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)

@@ -36,14 +36,19 @@ typedef struct ncgen_constrained {
     ncgen_real *nu, *phi;                      /* m */
     ncgen_real *diagonal;                      /* m: the diagonal E */
     ncgen_real *natural, *reduced;             /* n, m: sizes of the masses, and of rows once these are eliminated */
-    /* Where QR is used: */
     ncgen_real mass_size;                      /* the largest mass in natural sizes */
+    /* Where rows are redundant: */
+    ncgen_real *combinations;                  /* of rows (m), and what is left of them in the coordinates (n), one after the other */
+    ncgen_real *probe;                         /* n + m */
+    ncgen_real largest_share;                  /* that rows that count have in others, when they were chosen; 0: not known yet */
+    /* Where QR is used: */
     ncgen_real *jacobian;                      /* n x m */
     ncgen_real *basis;                         /* columns of n */
     ncgen_real *square;                        /* (n + m) x n */
     ncgen_real *scaled;                        /* 4 (n + m) */
     int *columns;                              /* exchanges, of n or m columns */
     int *is_left_out;                          /* m: is a row left out, since others imply it? */
+    int left_out;                              /* how many */
     int redundant;                             /* are there such rows? */
     int iterated;                              /* is the effect of E removed by iteration? */
 } ncgen_constrained;
@@ -57,7 +62,7 @@ int ncgen_constrained_matrices(ncgen_run *r, ncgen_scalar t);      /* M and Phi_
 int ncgen_constrained_phi_q(ncgen_run *r, ncgen_scalar t);           /* Phi_q alone */
 int ncgen_constrained_factor(ncgen_run *r);
 int ncgen_constrained_solve(ncgen_run *r);                         /* solution for what is in right */
-void ncgen_constrained_rows(ncgen_run *r);                         /* which of redundant rows count from here on */
+void ncgen_constrained_rows(ncgen_run *r, int factors_are_near);   /* which of redundant rows count from here on */
 
 /* Largest violation of rows in their sizes, largest of n numbers in the coordinates' sizes; are accelerations found by QR? */
 ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows);

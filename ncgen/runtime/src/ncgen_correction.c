@@ -170,7 +170,7 @@ int ncgen_end_step(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_s
 {
     const ncgen_real before = c->power;
     int status = NCGEN_OK;
-    ncgen_constrained_rows(r);
+    ncgen_constrained_rows(r, 0);
     if (!r->dynamics->conservative) {
         status = ncgen_constrained_accelerations(r, t + h);
         if (status == NCGEN_OK)

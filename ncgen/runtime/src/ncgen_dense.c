@@ -200,20 +200,6 @@ static int by_least_squares(ncgen_run *r, ncgen_constrained *w, const orthogonal
     return NCGEN_OK;
 }
 
-void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w)
-{
-    orthogonal f = {r->n, r->m, 0, w->jacobian, w->scaled + 3 * (r->n + r->m), w->columns};
-    for (int i = 0; i < r->m; ++i)
-        w->is_left_out[i] = 0;
-    fill_jacobian(r, w);
-    if (r->dynamics->n_dependent < 0) /* as many as there are here: what is held changes */
-        decompose(&f, R(1.0e-9), r->m);
-    else
-        decompose(&f, 0, r->dynamics->n_dependent);
-    for (int c = f.rank; c < r->m; ++c)
-        w->is_left_out[f.order[c]] = 1;
-}
-
 /* w->solution of the equations in w->right, with M and Phi_q in w->kkt.values. */
 int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w)
 {

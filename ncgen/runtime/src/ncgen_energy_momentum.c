@@ -55,7 +55,7 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
         if (size <= 4 * r->rounding || (pass > 1 && size < R(1.0e4) * r->rounding && size > last / 4)) {
             for (int i = 0; i < n; ++i)
                 r->qd[i] = 2 * (end[i] - position[i]) / h - velocity[i];
-            ncgen_constrained_rows(r);
+            ncgen_constrained_rows(r, 0);
             return project_end(r, t + h);
         }
         last = size;
@@ -134,7 +134,7 @@ static int end_midpoint(ncgen_run *r, ncgen_stepping *w, const ncgen_correction 
         r->q[i] = r->y[r->n + i] + h * r->qd[i];
         r->qd[i] = w->new_y[i];
     }
-    ncgen_constrained_rows(r);
+    ncgen_constrained_rows(r, 0);
     return status == NCGEN_OK ? project_end(r, t + h) : status;
 }
 

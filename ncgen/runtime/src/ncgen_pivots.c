@@ -38,31 +38,47 @@ void ncgen_find_pivot_sizes(ncgen_run *r, ncgen_constrained *w)
             w->natural[i] = least / (sizes[i] * sizes[i]);
 }
 
+/* Refinement takes it out at once, also where masses differ by many digits, and pivots are above rounding. */
+ncgen_scalar ncgen_row_compliance(const ncgen_run *r)
+{
+    return 1000 * r->rounding;
+}
+
+/* E of a row. Penalties are what a user gives; where M is singular it only keeps pivots from being zero, so it is small beside the row's own
+ * pivot, whatever the sizes of masses and of rows elsewhere. */
+static ncgen_real row_diagonal(ncgen_run *r, const ncgen_constrained *w, int row, int all)
+{
+    const ncgen_options *o = r->options;
+    const ncgen_scalar penalty = o->penalty > 0 ? o->penalty : R(1.0) / NCGEN_SQRT(r->rounding);
+    const ncgen_real size = r->dynamics->row_sizes[row];
+    if (!all && (o->formalism == NCGEN_PENALTY || o->formalism == NCGEN_AUGMENTED_LAGRANGIAN))
+        return size * size / (penalty * w->mass_size);
+    return all || w->iterated ? ncgen_row_compliance(r) * w->reduced[row] : 0;
+}
+
 /* The diagonal -E, the smallest pivots and what replaces them, in the order of elimination.
  *
  * Without a penalty E is zero: near a singular position the constraint forces that are needed there would be lost
  * otherwise. Only a row whose pivot is at rounding is let go, and one that others imply: off the constraints, where the
  * stages of a method are, it contradicts them. */
-void ncgen_set_diagonal(ncgen_run *r, ncgen_constrained *w)
+void ncgen_set_diagonal(ncgen_run *r, ncgen_constrained *w, int all)
 {
-    const ncgen_options *o = r->options;
-    const int by_penalty = w->iterated || o->formalism == NCGEN_PENALTY;
-    const ncgen_scalar penalty = o->penalty > 0 ? o->penalty : R(1.0) / NCGEN_SQRT(r->rounding);
     const ncgen_scalar precise = NCGEN_SQRT(r->rounding);
     const ncgen_scalar implied = precise * NCGEN_SQRT(precise); /* 2e-12 in double */
-    for (int i = 0; i < r->m; ++i) {
-        const ncgen_real size = r->dynamics->row_sizes[i];
-        w->diagonal[i] = by_penalty ? size * size / (penalty * w->mass_size) : 0;
-    }
+    for (int i = 0; i < r->m; ++i)
+        w->diagonal[i] = row_diagonal(r, w, i, all);
+    w->left_out = 0;
     for (int k = 0; k < w->kkt.plan->size; ++k) {
         const int unknown = w->kkt.plan->order[k];
         const int row = unknown - r->n;
         w->kkt.row[k] = 0;
+        w->left_out += row >= 0 && w->is_left_out[row];
         w->kkt.diagonal[k] = row < 0 ? 0 : -w->diagonal[row];
-        w->kkt.replacement[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row] / (r->rounding * r->rounding);
+        w->kkt.replacement[k] = row < 0 ? precise * w->natural[unknown]
+                                        : all ? -w->diagonal[row] : -w->reduced[row] / (r->rounding * r->rounding);
         if (row < 0 || w->is_left_out[row])
             w->kkt.min_pivot[k] = w->kkt.replacement[k];
         else
-            w->kkt.min_pivot[k] = by_penalty ? w->kkt.diagonal[k] / 2 : -implied * w->reduced[row];
+            w->kkt.min_pivot[k] = w->diagonal[row] > 0 ? w->kkt.diagonal[k] / 2 : -implied * w->reduced[row];
     }
 }

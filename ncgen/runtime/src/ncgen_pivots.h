@@ -5,6 +5,8 @@
 #include "ncgen_constrained.h"
 
 void ncgen_find_pivot_sizes(ncgen_run *r, ncgen_constrained *w); /* from M and Phi_q in kkt.values */
-void ncgen_set_diagonal(ncgen_run *r, ncgen_constrained *w);     /* and the smallest pivots, once rows that others imply are known */
+/* And the smallest pivots, once rows that others imply are known; all: with a diagonal for every row, so that all of them have pivots. */
+void ncgen_set_diagonal(ncgen_run *r, ncgen_constrained *w, int all);
+ncgen_scalar ncgen_row_compliance(const ncgen_run *r); /* that diagonal, over the size that a row's pivot has without it */
 
 #endif

@@ -130,19 +130,23 @@ static int project_velocity(ncgen_run *r, ncgen_scalar t, int exactly)
         status = r->model->nu(t, r->q, r->p, w->nu);
     if (status != NCGEN_OK)
         return status;
-    const ncgen_real enough = 100 * r->rounding * (1 + ncgen_constrained_size(r, r->qd));
-    for (int k = 0; k < VELOCITY_LIMIT; ++k) {
+    const ncgen_real size = 1 + ncgen_constrained_size(r, r->qd), enough = 100 * r->rounding * size;
+    ncgen_real before = 0;
+    for (int k = 0;; ++k) {
         ncgen_row_velocities(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
         for (int i = 0; i < r->m; ++i)
             w->residual[r->n + i] -= w->nu[i];
-        if (ncgen_constrained_violation(r, w->residual + r->n) <= enough)
-            break;
+        const ncgen_real violation = ncgen_constrained_violation(r, w->residual + r->n);
+        if (violation <= enough)
+            return NCGEN_OK;
+        if (k >= VELOCITY_LIMIT && !(violation < R(0.5) * before)) /* at rounding; more of it near a singular position */
+            return violation <= NCGEN_SQRT(r->rounding) * size ? NCGEN_OK : NCGEN_NOT_CONVERGED;
+        before = violation;
         if (!exactly)
             correct(r, w, r->qd);
         else if ((status = correct_exactly(r, w, r->qd)) != NCGEN_OK)
             return status;
     }
-    return NCGEN_OK;
 }
 
 int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
@@ -267,7 +271,7 @@ int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise
         r->statistics->largest_projection = moved;
     r->constrained->has_phi_q = status == NCGEN_OK && r->constrained->is_factored;
     if (status == NCGEN_OK && r->constrained->is_factored)
-        ncgen_constrained_rows(r);
+        ncgen_constrained_rows(r, 1);
     return status;
 }
 

@@ -30,7 +30,7 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
         status = ncgen_project_along(r, t + h, c->steps);
     for (int i = 0; i < n; ++i)
         r->qd[i] = (r->q[i] - position[i]) / h;
-    ncgen_constrained_rows(r);
+    ncgen_constrained_rows(r, 0);
     if (status == NCGEN_OK)
         status = ncgen_constrained_accelerations(r, t + h);
     for (int i = 0; i < n; ++i)

@@ -20,12 +20,15 @@ void ncgen_kkt_layout(ncgen_kkt *k, const ncgen_elimination *plan, int nonzeros,
     k->permuted = ncgen_take(space, plan->size);
 }
 
+/* Pivots that are this near to being replaced have lost about five digits. */
+static const ncgen_scalar weak_mass = R(1.0e3), weak_row = R(1.0e7);
+
 /* Factor the matrix of k->values and k->diagonal. */
 int ncgen_kkt_factor(ncgen_kkt *k)
 {
     const ncgen_elimination *plan = k->plan;
     ncgen_real *NCGEN_RESTRICT lower = k->lower, *NCGEN_RESTRICT row = k->row;
-    k->perturbed = 0;
+    k->perturbed = k->let_go = k->weak = 0;
     for (int r = 0; r < plan->size; ++r) {
         ncgen_real pivot = k->diagonal[r];
         const int end = plan->entry_start[r + 1];
@@ -49,6 +52,9 @@ int ncgen_kkt_factor(ncgen_kkt *k)
         if (least > 0 ? !(pivot > least) : !(pivot < least)) {
             pivot = k->replacement[r];
             k->perturbed += least > 0;
+            k->let_go += least < 0;
+        } else {
+            k->weak += NCGEN_ABS(pivot) < NCGEN_ABS(least) * (least > 0 ? weak_mass : weak_row);
         }
         if (!(NCGEN_ABS(pivot) > 0))
             return NCGEN_SINGULAR;

@@ -15,6 +15,8 @@ typedef struct ncgen_kkt {
     ncgen_real *min_pivot, *replacement; /* size: smallest pivot that is left as it is, and what replaces a smaller one */
     ncgen_real *permuted;                /* size: for solutions */
     long perturbed;                      /* pivots of the last factorisation that were made larger */
+    long let_go;                         /* rows that got no multiplier in it */
+    long weak;                           /* pivots that have lost many digits, but are left as they are */
 } ncgen_kkt;
 
 void ncgen_kkt_layout(ncgen_kkt *k, const ncgen_elimination *plan, int nonzeros, ncgen_space *space);

@@ -26,7 +26,7 @@ from ncgen.solver.integrators.shared_tolerance import sharing
 from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import MIN_GAIN, Partitions, determined, other_partitions, quality, stuck_message
-from ncgen.solver.positions.rank import best_rows, scaled_jacobian
+from ncgen.solver.positions.rank import counting_rows, largest_share, scaled_jacobian
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 
@@ -35,6 +35,9 @@ State: TypeAlias = tuple[np.ndarray, np.ndarray, float]
 
 RETRIES = 8
 """How often a step that has no derivative somewhere is tried again, each time four times shorter."""
+
+MUCH_LARGER = 10.0
+"""Growth of the shares with which rows that count imply others that asks for another choice of them."""
 
 DEGRADED = 0.7
 """Other independent coordinates are looked for when the quality falls below this fraction of what it was when chosen: late changes
@@ -193,7 +196,7 @@ class AllCoordinates(ReferenceRun):
         super().__init__(path, kernels, task)
         self.accelerations, self.options = accelerations_of(task.method.formalism), task.method.options
         self.is_projected, self.rows = self.options["stabilisation"] == "projection", None
-        self.rank = task.rank_at(kernels, task.q, float(task.grid[0]))
+        self.share, self.rank = 1.0, task.rank_at(kernels, task.q, float(task.grid[0]))
         self.in_c = MotionInC.of(kernels, task, self.rank)
 
     def begin(self, t: float, q: np.ndarray, qd: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -243,9 +246,13 @@ class AllCoordinates(ReferenceRun):
         return self.accelerations.motion(self.kernels, q, qd, t, self.p, self.options, self.rows)
 
     def _choose_rows(self, t: float, q: np.ndarray) -> None:
-        """Of redundant rows those farthest from dependent: off the constraints, where a method's stages are, the others contradict them."""
+        """Which of redundant rows count: off the constraints, where a method's stages are, the others contradict them. They count as long as
+        they imply these with shares that are not much larger than at first."""
         if self.rank < self.kernels.m and self.task.method.formalism.name != "penalty":  # which needs all of them, as in C
-            self.rows = best_rows(scaled_jacobian(self.kernels, q, t, self.p), self.rank)
+            jacobian = scaled_jacobian(self.kernels, q, t, self.p)
+            if self.rows is None or not largest_share(jacobian, self.rows) < MUCH_LARGER * self.share:
+                self.rows = counting_rows(jacobian, self.rank)
+                self.share = largest_share(jacobian, self.rows)
 
 
 class Independent(ReferenceRun):

@@ -65,6 +65,19 @@ def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
     return np.sort(column_order(jacobian.T)[:rank])
 
 
+def counting_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
+    """All rows but those in which the combinations that vanish are largest, as ncgen_rows.c chooses them in C."""
+    left, _, _ = np.linalg.svd(jacobian)
+    return np.sort(column_order(left[:, rank:].T)[len(jacobian) - rank :])
+
+
+def largest_share(jacobian: np.ndarray, rows: np.ndarray) -> float:
+    """The largest share, at least 1, of rows that count in the sum of all others, these with signs in turn."""
+    others = np.delete(jacobian, rows, axis=0)
+    signs = (-1.0) ** np.arange(len(others))
+    return max(1.0, float(np.max(np.abs(np.linalg.lstsq(jacobian[rows].T, signs @ others, rcond=None)[0]), initial=0.0)))
+
+
 def scaled_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:
     """Φ_q with rows divided by their natural size and lengths measured in the mechanism's size."""
     return kernels.jacobian(q, t, p) * kernels.column_sizes / kernels.row_sizes[:, None]
