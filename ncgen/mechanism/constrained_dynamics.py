@@ -57,7 +57,7 @@ class ConstrainedDynamics(Dynamics):
         runtime.join()
         super().__init__(kernels, number)
         self.singular_mass = singular = not is_definite(kernels)
-        self.plan = kernels.remember("elimination", (), lambda: _plan(kernels, singular))
+        self.plan = kernels.remember("elimination", (), lambda: _plan(kernels))
         self._elimination = self._ffi.new("ncgen_elimination *", {"size": self.plan.size, "nonzeros": self.plan.nonzeros})
         self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
         self._dynamics.elimination = self._elimination
@@ -164,14 +164,14 @@ def _loaded_motion(kernels: Kernels, number: str, source: FilledSources) -> tupl
     return ffi, getattr(home, getter), home
 
 
-def _plan(kernels: Kernels, rows_first: bool) -> Elimination:
+def _plan(kernels: Kernels) -> Elimination:
     """How the matrix is factored; of a large one from the cache, or made now."""
 
     def made() -> Elimination:
-        return plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first)
+        return plan(kernels.mass_pattern, kernels.phi_q_pattern)
 
     if kernels.n + kernels.m < MIN_CACHED_UNKNOWNS:
         return made()
-    members = derived(kernels.programs, f"elimination2 {'rows' if rows_first else 'coordinates'} first", lambda: vars(made()))
+    members = derived(kernels.programs, "elimination, coordinates without mass last", lambda: vars(made()))
     arrays: dict[str, Any] = {name: tuple(members[name]) for name in Elimination.ARRAYS}
     return Elimination(**members | arrays)

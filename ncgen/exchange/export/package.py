@@ -135,7 +135,7 @@ class Package:
 
     def elimination(self, phi_q: Pattern) -> Elimination:
         """In which the matrix of the equations is eliminated, with a Jacobian of this pattern."""
-        return plan(self.kernels.mass_pattern, phi_q, rows_first=self.singular_mass)
+        return plan(self.kernels.mass_pattern, phi_q)
 
     @cached_property
     def _order(self) -> Elimination:

@@ -1,8 +1,8 @@
 """The plan by which the runtime factors [A Φ_qᵀ; Φ_q −E]: order of elimination, pattern of L, where the values go.
 
-The order is of minimum degree with one rule. Where M is regular, a row is eliminated after all of its coordinates: its
-pivot then holds −(E + Φ_q M⁻¹ Φ_qᵀ), which is never near zero unless the row is redundant, and E may be zero. Where M is
-singular, coordinates are eliminated after all of their rows: their pivots then are those of M + Φ_qᵀ E⁻¹ Φ_q.
+The order is of minimum degree with one rule. A row is eliminated after all of its coordinates with mass: its pivot then holds
+−(E + Φ_q M⁻¹ Φ_qᵀ) over these, which is never near zero unless the row is redundant, or moves nothing else, and E may be zero where
+all coordinates have mass. Those without are eliminated after all of their rows: their pivots then are those of Φ_qᵀ (E + …)⁻¹ Φ_q.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Elimination:
               "entry_values")  # fmt: skip
 
 
-def plan(mass: Pattern, phi_q: Pattern, rows_first: bool = False) -> Elimination:
-    """The plan for A with the pattern of M; rows_first where M is singular."""
+def plan(mass: Pattern, phi_q: Pattern) -> Elimination:
+    """The plan for A with the pattern of M."""
     n, m = phi_q.shape[1], phi_q.shape[0]
     entries = _entries(n, mass, phi_q)
     neighbours: list[set[int]] = [set() for _ in range(n + m)]
@@ -45,7 +45,7 @@ def plan(mass: Pattern, phi_q: Pattern, rows_first: bool = False) -> Elimination
     massive = {i for i, j in mass.positions() if i == j}
     waits: list[set[int]] = [set() for _ in range(n + m)]
     for i, j in phi_q.positions():
-        first, then = (n + i, j) if rows_first and j not in massive else (j, n + i)
+        first, then = (j, n + i) if j in massive else (n + i, j)
         waits[then].add(first)
     order, columns = _minimum_degree(neighbours, waits)
     return _index(order, columns, entries)

@@ -111,11 +111,17 @@ static int is_definite(ncgen_scalar t)
     return rank_of(n, n) == n;
 }
 
-/* The unknown at a place of the order: coordinates, then rows, or rows first. */
-static int unknown_at(int place, int rows_first)
+/* The order of unknowns: coordinates with mass, rows, coordinates without; the mass matrix is in `square`. */
+static void find_order(void)
 {
-    const int n = model.n_coordinates, m = model.n_rows;
-    return !rows_first ? place : place < m ? n + place : place - m;
+    const int n = model.n_coordinates;
+    int place = 0;
+    for (int i = 0; i < n + model.n_rows; ++i)
+        if (i >= n || square[i * n + i] != 0)
+            order[place++] = i;
+    for (int i = 0; i < n; ++i)
+        if (square[i * n + i] == 0)
+            order[place++] = i;
 }
 
 /* Where the value of a pair of unknowns is in the list [mass, phi_q]; -1: the pair has none. */
@@ -135,30 +141,30 @@ static void fill_in(int size)
 }
 
 /* Which pairs of unknowns have a number, from the numbers at the start and the layout of rows. */
-static void find_filled(ncgen_scalar t, int rows_first)
+static void find_filled(ncgen_scalar t)
 {
     const int n = model.n_coordinates, size = n + model.n_rows;
     ncgen_generic_mass(t, state, numbers, square);
+    find_order();
     for (int i = 0; i < size; ++i)
         for (int j = 0; j <= i; ++j) {
-            const int a = unknown_at(i, rows_first), b = unknown_at(j, rows_first);
+            const int a = order[i], b = order[j];
             filled[i * MOST + j] = a < n && b < n ? square[a * n + b] != 0 || square[b * n + a] != 0 : (a < n) != (b < n);
         }
 }
 
 /* The plan by which [A Phi_q'; Phi_q -E] is factored: as far as coordinates and rows are concerned in their own order. */
-static void make_plan(ncgen_scalar t, int rows_first)
+static void make_plan(ncgen_scalar t)
 {
     const int size = model.n_coordinates + model.n_rows;
     int entries = 0, places = 0;
-    find_filled(t, rows_first);
+    find_filled(t);
     for (int i = 0; i < size; ++i) {
-        order[i] = unknown_at(i, rows_first);
         entry_start[i] = entries;
         for (int j = 0; j <= i; ++j)
             if (filled[i * MOST + j]) {
                 entry_columns[entries] = j;
-                entry_values[entries++] = value_of(order[i], unknown_at(j, rows_first));
+                entry_values[entries++] = value_of(order[i], order[j]);
             }
     }
     entry_start[size] = entries;
@@ -236,7 +242,7 @@ int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scala
     ncgen_generic_describe(numbers, pattern, &model);
     find_rows(t);
     const int singular = !is_definite(t);
-    make_plan(t, singular);
+    make_plan(t);
     dynamics = (ncgen_dynamics){.n_dependent = rank < model.n_rows ? rank : 0,
                                 .column_sizes = state + 4 * MOST,
                                 .row_sizes = row_sizes,

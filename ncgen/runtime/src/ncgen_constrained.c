@@ -8,8 +8,7 @@
 #include "ncgen_method.h"
 #include "ncgen_pivots.h"
 #include "ncgen_rows.h"
-
-enum { REFINEMENT_LIMIT = 20 };
+#include "ncgen_solution.h"
 
 int ncgen_constrained_is_dense(const ncgen_run *r)
 {
@@ -113,26 +112,6 @@ int ncgen_constrained_factor(ncgen_run *r)
     return status;
 }
 
-/* w->residual = w->right - [M Phi_q'; Phi_q 0] w->solution, with the diagonal -E where it is meant to stay. */
-static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_diagonal)
-{
-    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
-    const ncgen_real *values = w->kkt.values + w->n_mass;
-    ncgen_real *rest = w->residual;
-    ncgen_times_mass(r, w->kkt.values, w->solution, rest);
-    for (int i = 0; i < r->n; ++i)
-        rest[i] = w->right[i] - rest[i];
-    for (int i = 0; i < r->m; ++i) {
-        const ncgen_real lam = w->solution[r->n + i];
-        ncgen_real sum = w->right[r->n + i] + (with_diagonal ? w->diagonal[i] * lam : 0);
-        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
-            sum -= values[k] * w->solution[phi_q->indices[k]];
-            rest[phi_q->indices[k]] -= values[k] * lam;
-        }
-        rest[r->n + i] = sum;
-    }
-}
-
 ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x)
 {
     return ncgen_largest(r->n, x, r->dynamics->column_sizes);
@@ -141,55 +120,6 @@ ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x)
 ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows)
 {
     return ncgen_largest(r->m, rows, r->dynamics->row_sizes);
-}
-
-/* Are the factors those of the equations, to nearly all digits? They are not where a diagonal stands in for pivots, nor where pivots
- * have become small: that shows in the pivots, and near a singular position in projected stages and in the growth of the recursion. */
-static int factors_are_exact(const ncgen_run *r, const ncgen_constrained *w)
-{
-    const int pivots_are_small = r->projecting || (w->is_recursive && !(w->pivot_growth < R(1.0e4)));
-    const int has_lost_digits = w->kkt.perturbed || w->kkt.weak || w->kkt.let_go > w->left_out;
-    return !(pivots_are_small || has_lost_digits || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10));
-}
-
-/* Does the solution satisfy the rows that got no multiplier, though no others imply them? w->residual is that of the solution. */
-static int fits_rows(const ncgen_run *r, const ncgen_constrained *w, ncgen_real size)
-{
-    ncgen_real largest = 0;
-    if (w->kkt.let_go <= w->left_out)
-        return 1;
-    for (int i = 0; i < r->m; ++i) {
-        const ncgen_real rest = NCGEN_ABS(w->residual[r->n + i]) / r->dynamics->row_sizes[i];
-        largest = !w->is_left_out[i] && rest > largest ? rest : largest;
-    }
-    return largest <= NCGEN_SQRT(r->rounding) * (size + ncgen_constrained_violation(r, w->right + r->n));
-}
-
-/* w->solution of the equations with the right side w->right; refined where the factors are not exact. The last change, which the
- * equations determine no better, is about the error of the solution. */
-int ncgen_constrained_solve(ncgen_run *r)
-{
-    ncgen_constrained *w = r->constrained;
-    ncgen_kkt_solve(&w->kkt, w->right, w->solution);
-    if (factors_are_exact(r, w))
-        return NCGEN_OK;
-    ncgen_real before = 0, size = 0;
-    for (int k = 0; k < REFINEMENT_LIMIT; ++k) {
-        find_residual(r, w, r->options->formalism == NCGEN_PENALTY);
-        const int fits = fits_rows(r, w, size);
-        ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
-        const ncgen_real change = ncgen_constrained_size(r, w->residual);
-        size = ncgen_constrained_size(r, w->solution);
-        if (k > 0 && !(change < R(0.5) * before)) /* at rounding, or beyond what the equations determine */
-            return fits && before <= NCGEN_SQRT(r->rounding) * size ? NCGEN_OK : NCGEN_SINGULAR;
-        for (int i = 0; i < r->n + r->m; ++i)
-            w->solution[i] += w->residual[i];
-        r->statistics->refinements += 1;
-        if (change <= 4 * r->rounding * size)
-            return fits ? NCGEN_OK : NCGEN_SINGULAR;
-        before = change;
-    }
-    return before <= NCGEN_SQRT(r->rounding) * size ? NCGEN_OK : NCGEN_SINGULAR;
 }
 
 /* gamma - 2 xi omega Phid - omega^2 Phi at the rows of w->right. */

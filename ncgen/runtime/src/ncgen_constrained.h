@@ -61,7 +61,6 @@ int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power); /*
 int ncgen_constrained_matrices(ncgen_run *r, ncgen_scalar t);      /* M and Phi_q at r->q, into kkt.values */
 int ncgen_constrained_phi_q(ncgen_run *r, ncgen_scalar t);           /* Phi_q alone */
 int ncgen_constrained_factor(ncgen_run *r);
-int ncgen_constrained_solve(ncgen_run *r);                         /* solution for what is in right */
 void ncgen_constrained_rows(ncgen_run *r, int factors_are_near);   /* which of redundant rows count from here on */
 
 /* Largest violation of rows in their sizes, largest of n numbers in the coordinates' sizes; are accelerations found by QR? */

@@ -4,6 +4,7 @@
 #include "ncgen_explicit.h"
 #include "ncgen_method.h"
 #include "ncgen_projection.h"
+#include "ncgen_solution.h"
 
 typedef struct parts {
     ncgen_constrained constrained;

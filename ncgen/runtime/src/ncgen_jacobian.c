@@ -9,6 +9,7 @@
 #include "ncgen_jacobian.h"
 #ifndef NCGEN_WITHOUT_PARTITIONING
 #include "ncgen_partitioning.h"
+#include "ncgen_solution.h"
 #endif
 
 void ncgen_linearisation_layout(ncgen_run *r, ncgen_linearisation *w)

@@ -2,6 +2,7 @@
  * kinetic energy. */
 #include "ncgen_projection.h"
 #include "ncgen_method.h"
+#include "ncgen_solution.h"
 
 enum { POSITION_LIMIT = 12, VELOCITY_LIMIT = 3 };
 

@@ -246,8 +246,9 @@ class AllCoordinates(ReferenceRun):
         return self.accelerations.motion(self.kernels, q, qd, t, self.p, self.options, self.rows)
 
     def _choose_rows(self, t: float, q: np.ndarray) -> None:
-        """Which of redundant rows count: off the constraints, where a method's stages are, the others contradict them. They count as long as
-        they imply these with shares that are not much larger than at first."""
+        """Which of redundant rows count: off the constraints, where a method's stages are, the others contradict them. They do as long as
+        they imply these with shares that are not much larger than at first.
+        """
         if self.rank < self.kernels.m and self.task.method.formalism.name != "penalty":  # which needs all of them, as in C
             jacobian = scaled_jacobian(self.kernels, q, t, self.p)
             if self.rows is None or not largest_share(jacobian, self.rows) < MUCH_LARGER * self.share:
