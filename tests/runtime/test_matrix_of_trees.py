@@ -49,3 +49,24 @@ def test_accelerations(tree):
 def test_accelerations_of_many_trees(seed):
     rng = np.random.default_rng([11, seed])
     check(int(rng.integers(10, 60)), 100 + seed, int(rng.integers(0, 7)), within=1e-8)
+
+
+def flat_parallelogram():
+    """Three links of 1, 2 and 1 m, stretched flat: of three rows two are independent there."""
+    m = ncgen.Model("flat")
+    A, D = m.point("A", (0, 0), fixed=True), m.point("D", (2, 0), fixed=True)
+    B, C = m.point("B", (1, 0)), m.point("C", (3, 0))
+    for name, ends in {"ab": (A, B), "bc": (B, C), "cd": (C, D)}.items():
+        m.body(name, list(ends), mass=1.0, inertia="rod")
+    return ncgen.compile(m)
+
+
+@pytest.mark.parametrize(("rates", "status"), [((1, 1), "ok"), ((1, -1), "singular"), ((1, 3), "singular")])
+def test_a_flat_parallelogram(rates, status):
+    """Cranks that turn alike leave γ = (−1, 0, −1) / 1 s², which can be met; others contradict the coupler's row, which is reported."""
+    kernels = flat_parallelogram()
+    moving = Moving(Stepping(all_coordinates(kernels, form="dense"), "dop853", kernels.m, 1e-6, 1e-6, None, 1e-12))
+    moving.p[:], moving.q[:], moving.qd[:] = kernels.p0, kernels.q0, (0, rates[0], 0, rates[1])
+    assert moving.evaluate() == status
+    if status == "ok":
+        assert moving.qdd == pytest.approx([-1, 0, -1, 0], abs=1e-12)
