@@ -235,9 +235,11 @@ class Package:
         matrix = sum(kernels.get(name, 0) for name in ("mass", "phi_q", "nu", "gamma", "force", "energy")) + factor + solve
         closing = kernels.get("phi", 0) + solve
         usual = 5 * matrix + 3 * closing
-        refinements = constant_of("ncgen_constrained.c", "REFINEMENT_LIMIT")
+        refinements = constant_of("ncgen_solution.c", "REFINEMENT_LIMIT")
         positions, velocities = (constant_of("ncgen_projection.c", f"{kind}_LIMIT") for kind in ("POSITION", "VELOCITY"))
-        most = 5 * (matrix + refinements * 2 * solve) + positions * (closing + matrix) + velocities * 2 * solve
+        vectors = row_vectors(self.kernels.m, self.rank)
+        choice = (factor + 2 * vectors * solve + 4 * vectors**2 * (self.kernels.n + self.kernels.m)) if vectors else 0
+        most = 5 * (matrix + refinements * 2 * solve) + choice + positions * (closing + matrix) + velocities * 2 * solve
         if costs:
             usual = 5 * costs["derivative"] + 2 * (costs["newton"] + costs["velocities"])
             most += 5 * costs["derivative"] + 2 * positions * costs["newton"] + velocities * costs["velocities"]

@@ -4,7 +4,7 @@
 #include "ncgen_method.h"
 #include "ncgen_solution.h"
 
-enum { POSITION_LIMIT = 12, VELOCITY_LIMIT = 3 };
+enum { POSITION_LIMIT = 12, VELOCITY_LIMIT = 5 };
 
 /* Phi_q and the factors at r->q. */
 static int refresh(ncgen_run *r, ncgen_scalar t)
@@ -132,7 +132,6 @@ static int project_velocity(ncgen_run *r, ncgen_scalar t, int exactly)
     if (status != NCGEN_OK)
         return status;
     const ncgen_real size = 1 + ncgen_constrained_size(r, r->qd), enough = 100 * r->rounding * size;
-    ncgen_real before = 0;
     for (int k = 0;; ++k) {
         ncgen_row_velocities(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
         for (int i = 0; i < r->m; ++i)
@@ -140,9 +139,8 @@ static int project_velocity(ncgen_run *r, ncgen_scalar t, int exactly)
         const ncgen_real violation = ncgen_constrained_violation(r, w->residual + r->n);
         if (violation <= enough)
             return NCGEN_OK;
-        if (k >= VELOCITY_LIMIT && !(violation < R(0.5) * before)) /* at rounding; more of it near a singular position */
+        if (k == VELOCITY_LIMIT) /* at rounding; more of it near a singular position */
             return violation <= NCGEN_SQRT(r->rounding) * size ? NCGEN_OK : NCGEN_NOT_CONVERGED;
-        before = violation;
         if (!exactly)
             correct(r, w, r->qd);
         else if ((status = correct_exactly(r, w, r->qd)) != NCGEN_OK)
