@@ -78,7 +78,7 @@ static int find_combinations(ncgen_run *r, ncgen_constrained *w)
     const int most = ncgen_combination_count(r->m, r->dynamics->n_dependent);
     unsigned long seed = 1;
     int count = 0;
-    for (int others = 0; count < most && others < BESIDES; ++count) {
+    for (int tries = 0, others = 0; tries < most && others < BESIDES; ++tries) {
         ncgen_real *y = combination(r, w, count), size = 0;
         for (int i = 0; i < r->m; ++i) {
             seed = (seed * 1103515245UL + 12345UL) & 0x7fffffffUL;
@@ -89,7 +89,8 @@ static int find_combinations(ncgen_run *r, ncgen_constrained *w)
             iterate(r, w, y);
             size = normalise(r, w, count);
         }
-        find_remainder(r, w, count);
+        if (size > 0) /* rows that move coordinates without mass alone may leave nothing */
+            find_remainder(r, w, count++);
         others += r->dynamics->n_dependent < 0 && !(size * ncgen_row_compliance(r) > R(0.01));
     }
     return count;
