@@ -185,11 +185,11 @@ class TreeRows(TreeVelocities):
         if key not in self._entries_of_links:
             rows = {r: slots for r, slots in self.closes[link].items() if with_copies or r not in self.copied_rows[link]}
             column_of = {c: k for k, c in enumerate(self.unknowns[link])}
-            own, others = [], []
+            of_link, of_others = [], []
             for i, (r, slots) in enumerate(rows.items()):
                 for entry, c in enumerate(slots, self.pattern.indptr[r]):
-                    (own if c in column_of else others).append((i, column_of.get(c, 0), entry, c))
-            self._entries_of_links[key] = list(rows), *(np.array(each, dtype=int).reshape(-1, 4).T for each in (own, others))
+                    (of_link if c in column_of else of_others).append((i, column_of.get(c, 0), entry, c))
+            self._entries_of_links[key] = list(rows), *(np.array(each, dtype=int).reshape(-1, 4).T for each in (of_link, of_others))
         return self._entries_of_links[key]
 
     def _in_natural_sizes(self, sample: SampledPosition) -> np.ndarray:

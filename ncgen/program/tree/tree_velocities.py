@@ -78,12 +78,12 @@ class TreeVelocities:
             links = list(group)
             joints: dict[tuple[int, bool], tuple[list[int], list[int]]] = {}
             for number in links:
-                for place, k in enumerate(self.own[number]):
-                    carriers, screws = joints.setdefault((place, self.screws[k].point is not None), ([], []))
+                for order, k in enumerate(self.own[number]):
+                    carriers, screws = joints.setdefault((order, self.screws[k].point is not None), ([], []))
                     carriers.append(number)
                     screws.append(k)
             parents = [parent for number in links if (parent := self.tree.links[number].parent) is not None]
-            levels.append((links, parents, [(turns, *joints[place, turns]) for place, turns in sorted(joints)]))
+            levels.append((links, parents, [(turns, *joints[order, turns]) for order, turns in sorted(joints)]))
         return levels
 
     def values(self, q: np.ndarray) -> np.ndarray:
