@@ -11,7 +11,7 @@ from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.open_tree import KnownTree, known_tree, why_no_tables
+from ncgen.solver.positions.open_tree import KnownTree, known_tree, tree_of, why_no_tables
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.choice import Choice, choose
 from ncgen.solver.runs.run import COMPILED, Form, Run
@@ -134,7 +134,7 @@ def _has_few_rates(kernels: Kernels, most: int | None = None, least: int = 1) ->
 
     least, most: rates (default: MOST_RATES)
     """
-    freedoms = kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).dof)
+    freedoms = tree_of(kernels).dof
     return least <= freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
 
 
