@@ -7,7 +7,7 @@
 /* As much workspace as the functions of ncgen_events.h need for `count` conditions, at most `most` velocities that one event sets, or count if that is
  * more, n coordinates, and the numbers that actions set with those of `sliding`. */
 #define NCGEN_EVENTS_WORKSPACE(count, most, n, values) \
-    ((count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 3 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
+    (NCGEN_GAPS + (count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 3 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
 
 /* The same for integers. */
 #define NCGEN_EVENTS_INTEGERS(count) (9 * (count))
@@ -19,7 +19,7 @@
 enum { NCGEN_MOST_REPEATED = 100 };
 
 /* Numbers of workspace of an impact of gaps that have so many velocities. */
-#define NCGEN_IMPACT_WORKSPACE(rows) (3 * (rows) * (rows) + 16 * (rows))
+#define NCGEN_IMPACT_WORKSPACE(rows) (NCGEN_GAPS + 3 * (rows) * (rows) + 16 * (rows))
 
 /* begin cdef */
 
