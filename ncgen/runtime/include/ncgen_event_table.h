@@ -39,6 +39,9 @@ enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
  * its gap is held and friction is enough. Joints have two conditions of their load, locks none, others one. */
 enum { NCGEN_HOLDS_GAP, NCGEN_HOLDS_JOINT, NCGEN_HOLDS_RATCHET, NCGEN_HOLDS_LOCK, NCGEN_HOLDS_RUBBING_GAP, NCGEN_HOLDS_CONTACT };
 
+/* The direction of a condition that is not watched. */
+enum { NCGEN_UNWATCHED = 2 };
+
 /* What a note says: an event happened, a gap or joint is held from now on, or is no longer, a joint slips to the other side. */
 enum { NCGEN_HAPPENS, NCGEN_RESTS, NCGEN_LEAVES, NCGEN_TURNS };
 
