@@ -18,7 +18,7 @@ import pytest
 from ncgen.emit.runtime_files import needed_by, runtime_files
 
 ROOT = Path(__file__).resolve().parents[2]
-FLAGS = "-O0 -g -fsanitize=address,undefined -fno-sanitize-recover=all"
+FLAGS = "-O0 -g -DNCGEN_GAP=32 -fsanitize=address,undefined -fno-sanitize-recover=all"
 SETS = {
     "wrong calls": ["-m", "slow or not slow", "tests/abuse/test_wrong_calls.py", "tests/mechanism/test_arguments.py"],
     "steppers": ["tests/solver/test_steppers.py", "tests/solver/test_simulation.py", "tests/solver/test_stepper_state.py"],

@@ -9,13 +9,12 @@
 #include "ncgen.h"
 #include "ncgen_methods.h"
 
-/* Under gcc's AddressSanitizer so many numbers behind each part of a workspace belong to nobody, and a workspace whose length is a formula has
- * room for those of 64 parts. */
-#ifdef __SANITIZE_ADDRESS__
-enum { NCGEN_GAP = 32, NCGEN_GAPS = 64 * NCGEN_GAP };
-#else
-enum { NCGEN_GAP = 0, NCGEN_GAPS = 0 };
+/* For AddressSanitizer: so many numbers behind each part of a workspace, which may not be on the stack then, belong to nobody. A workspace
+ * whose length is a formula has room for those of 64 parts. */
+#ifndef NCGEN_GAP
+#define NCGEN_GAP 0
 #endif
+#define NCGEN_GAPS (64 * NCGEN_GAP)
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,7 +1,7 @@
 /* ncgen_space.c: see ncgen_space.h. */
 #include "ncgen_space.h"
 
-#ifdef __SANITIZE_ADDRESS__
+#if NCGEN_GAP
 #include <sanitizer/asan_interface.h>
 
 /* A part that is dealt may be read and written, though another one may have ended there before; the gap behind it may not. */
@@ -16,7 +16,7 @@ ncgen_real *ncgen_take(ncgen_space *space, int count)
 {
     ncgen_real *part = space->base ? space->base + space->used : NULL;
     space->used += (size_t)count + NCGEN_GAP;
-#ifdef __SANITIZE_ADDRESS__
+#if NCGEN_GAP
     if (part)
         fence(part, count);
 #endif
