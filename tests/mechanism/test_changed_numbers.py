@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 
 import ncgen
 from ncgen.comparisons.changed_robot import changed_copy
-from ncgen.mechanism import motion_check, numbered
+from ncgen.mechanism import constrained_dynamics, motion_check, numbered
 from ncgen.model.traced_numbers import Trace, computed
 from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.solver.positions import rank
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
 
@@ -113,6 +114,18 @@ def test_coincidences_do_not_stay(cache, monkeypatch, tmp_path, first, other):
     """What vanishes for the first numbers only is there for the others."""
     moved(first)
     agree(other, cache, monkeypatch, tmp_path)
+
+
+def test_what_the_structure_tells_is_not_found_again(cache, monkeypatch):
+    """Of a large tree: how the matrix is factored; nor are rows that others imply looked for, since its joints tell the rank."""
+    moved(arm([0.3] * 24, [1.3] * 24))
+
+    def again(*_):
+        raise AssertionError("found again")
+
+    monkeypatch.setattr(constrained_dynamics, "plan", again)
+    monkeypatch.setattr(rank, "freedom_at", again)
+    moved(arm([0.3] * 24, [1.3] * 23 + [1.4]))
 
 
 def test_a_motion_that_does_not_suit_is_not_used(cache, monkeypatch, tmp_path):
