@@ -148,13 +148,13 @@ static inline ncgen_scalar ncgen_piece(ncgen_scalar s, const ncgen_scalar *knots
     if (period > 0)
         s -= period * NCGEN_FLOOR((s - knots[0]) / period);
     const ncgen_scalar *row = rows + ncgen_knots_passed(knots, count, s) * (degree + 2);
-    ncgen_scalar y = row[degree + 1], slope = 0;
+    ncgen_scalar y = row[degree + 1];
     s -= row[0];
+    *derivative = 0;
     for (int k = degree; k > 0; --k) {
-        slope = slope * s + y;
+        *derivative = *derivative * s + y;
         y = y * s + row[k];
     }
-    *derivative = slope;
     return y;
 }
 
