@@ -18,7 +18,8 @@ from ncgen.mechanism.motion_sources import Seen, filled_motion, motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.recall import Files, derived
 from ncgen.mechanism.run_arguments import InitialState
-from ncgen.mechanism.runtime import Dynamics, Outcome
+from ncgen.mechanism.run_rows import Outcome
+from ncgen.mechanism.runtime import Dynamics
 from ncgen.mechanism.runtime_library import Part, compiling_thread, load_with_headers, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.algebra.quasidefinite import Elimination, plan
@@ -136,11 +137,10 @@ class ConstrainedDynamics(Dynamics):
 
     def simulate(self, method: str, times: ArrayLike, initial: InitialState, *, rank: int = 0, **options: InC) -> Outcome:
         """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
-        self._dynamics.n_dependent = rank
-        done = super().simulate(method, times, initial, **options)
+        done = super().simulate(method, times, initial, rank=rank, **options)
         if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
             # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
-            done = super().simulate(method, times, initial, newton=True, **options)
+            done = super().simulate(method, times, initial, newton=True, rank=rank, **options)
         return done
 
 

@@ -8,9 +8,7 @@ Emitted: the elimination as straight-line code for one mechanism and one choice,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -19,15 +17,16 @@ from ncgen.emit.naming import prefix_of
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.callbacks import Choices, ExternalForces
-from ncgen.mechanism.conditions_in_c import Watched
+from ncgen.mechanism.conditions_in_c import Conditions, Watched
 from ncgen.mechanism.driving import Driver
 from ncgen.mechanism.in_python import in_python, tangents_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
-from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.motion_sources import Written
 from ncgen.mechanism.properties import uses_tangents
 from ncgen.mechanism.run_arguments import NO_INPUTS, UNWATCHED_RUN, InitialState, Monitor, RunInputs
+from ncgen.mechanism.run_rows import Outcome, Rows
+from ncgen.mechanism.run_space import RunSpaces
 from ncgen.mechanism.runtime_library import Recursion, interface_of, load_with_headers, model_in, part_for, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
@@ -35,72 +34,6 @@ from ncgen.toolchain.abi import NUMBERS, InC
 
 PARTITIONED = number_in_c(FORMALISMS["coordinate-partitioning"])
 """The formalism that a run has where nothing else is said."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Outcome:
-    """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
-
-    t (rows,) in s: their times, those asked for but for movable; q, qd (rows, n); work (rows,); status "ok" or the reason
-    reached: time (s) of the state `last` = (q, qd, work); tried: time of the last stage; stiff: how often it was found stiff
-    raised: what ended the run from outside, or None; crossed: numbers of the conditions at which it stopped
-    next_step (s): what an explicit method with error control would try next
-    """
-
-    t: np.ndarray
-    q: np.ndarray
-    qd: np.ndarray
-    work: np.ndarray
-    status: str
-    reached: float
-    last: tuple[np.ndarray, np.ndarray, float]
-    steps: int
-    rejected: int
-    repeated: int
-    evaluations: int
-    newton_steps: int
-    factorisations: int = 0
-    perturbed: int = 0
-    refinements: int = 0
-    stopped: bool = False
-    largest_projection: float = 0.0
-    jacobians: int = 0
-    fallbacks: int = 0
-    tried: float = 0.0
-    stiff: int = 0
-    raised: BaseException | None = None
-    crossed: tuple[int, ...] = ()
-    next_step: float = 0.0
-
-    def completed(self) -> Outcome:
-        """This outcome, unless something was raised while the run went on: that is raised now."""
-        if self.status == "interrupted":
-            raise self.raised or KeyboardInterrupt()
-        return self
-
-
-COUNTS = (
-    "steps", "rejected", "repeated", "evaluations", "newton_steps", "factorisations", "perturbed", "refinements", "jacobians", "fallbacks",
-    "stiff",
-)  # fmt: skip
-"""Members that are those of `ncgen_statistics`."""
-
-
-def _reached(rows: Sequence[np.ndarray], done: int, statistics: InC) -> dict[str, Any]:
-    """Members of an outcome that C wrote: so many of the rows of t, q, qd and work, the last state, which has a row of its own; counts."""
-    t, q, qd, work = (np.asarray(row[:done], dtype=float) for row in rows)
-    reals = {name: float(getattr(statistics, name)) for name in ("next_step", "largest_projection", "tried")}
-    return {
-        **{name: getattr(statistics, name) for name in COUNTS},
-        **reals,
-        "reached": float(statistics.t),
-        "last": tuple(row[-1].astype(float) for row in rows[1:]),
-        "stopped": bool(statistics.stopped),
-        "t": t,
-        "q": q,
-        "qd": qd,
-        "work": work,
-    }
 
 
 class Dynamics:
@@ -162,57 +95,42 @@ class Dynamics:
         newton: with tangents, also where a method can do without them
         options: the other members of `ncgen_options`, by their names; sizes is an array, or None for 1
         """
-        ffi, n, dtype, where = self._ffi, self.kernels.n, self.number.dtype, self.kernels.name
-        real = partial(pointer, ffi, kind=self.number.array)
-        library = runtime_of(self.number.name, part_for(method, self.recursion))
-        times = np.ascontiguousarray(times, dtype=dtype)
-        rows_and_last = len(times) + 1
-        out_q, out_qd, out_work = (np.empty(shape, dtype) for shape in ((rows_and_last, n), (rows_and_last, n), rows_and_last))
-        sizes = options.pop("sizes", None)
-        settings = ffi.new("ncgen_options *", {"method": number_in_c(INTEGRATORS[method]), "rtol": 1e-8, "atol": 1e-10, **options})
-        if sizes is not None:
-            sizes = laid(sizes, dtype, sum(self._state(options.get("formalism", PARTITIONED))) + 1, f"{where}: sizes")
-            settings.sizes = real(sizes)
-        row_times = times
+        number, rank, formalism = self.number, options.pop("rank", None), options.get("formalism", PARTITIONED)
+        library, takes_tangents = runtime_of(number.name, part_for(method, self.recursion)), newton or self._uses_tangents(method, options)
+        times = np.ascontiguousarray(times, dtype=number.dtype)
+        rows, start = Rows(self._ffi, number, times, self.kernels.n), self._start(initial, formalism)
+        arrays = {"sizes": self._sizes(options.pop("sizes", None), formalism)}
         if movable is not None:
-            movable, row_times = np.ascontiguousarray(movable, dtype=np.intc), times.copy()
-            settings.movable, settings.row_times = pointer(ffi, movable, "int[]", len(times), f"{where}: movable"), real(row_times)
-        listener = Listener(monitor.progress, self._eliminated)
-        context = ffi.new_handle(listener)
-        settings.progress, settings.context, settings.attempts_left = watch(self.number.name), context, listener.attempts
-        driver = Driver(inputs.signals, self.number, inputs.breaks) if any(inputs.signals) or np.size(inputs.breaks) else None
-        if driver:
-            signals = driver.signals(library.ncgen_piecewise_inputs)
-            settings.signals = signals
-        called = [*self.called, *([Choices(self.kernels, inputs.rule)] if inputs.rule else [])]
-        if inputs.rule:
-            settings.parameter_rule = called[-1].function
-        watched = Watched(monitor.conditions, ffi, self.number) if monitor.conditions else None
-        if watched:
-            settings.event = watched.struct
-        if newton or self._uses_tangents(method, options):
+            movable = np.ascontiguousarray(movable, dtype=np.intc)
+            arrays |= {
+                "movable": pointer(self._ffi, movable, "int[]", len(times), f"{self.kernels.name}: movable"),
+                "row_times": rows.t_in_c,
+            }
+        if takes_tangents:
             self._take_tangents()
-        else:
-            self._dynamics.tangents = ffi.NULL
-        work, integers = self._space(library, settings)
-        statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
-        start = self._start(initial, options.get("formalism", PARTITIONED))
-        pointers = [real(a) for a in (*start, times, out_q, out_qd, out_work, work)]
-        for each in called:
-            each.begin()
-        status = library.ncgen_simulate(
-            self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
-            pointer(ffi, integers, "int[]"),
-        )  # fmt: skip
-        if watched:
-            watched.report()
-        raised = next((each.raised for each in (listener, driver, *called) if each and each.raised), None)
-        return Outcome(
-            status="interrupted" if raised else STATUS[status],
-            crossed=watched.crossed if watched else (),
-            raised=raised,
-            **_reached((row_times, out_q, out_qd, out_work), rows[0], statistics),
-        )
+        influences = _Influences(self, library, inputs, monitor.conditions)
+        space = self._spaces.take(monitor.progress)
+        try:
+            settings, dynamics = space.options, space.dynamics
+            dynamics[0] = self._dynamics[0]
+            if not takes_tangents:
+                dynamics.tangents = self._ffi.NULL
+            if rank is not None:
+                dynamics.n_dependent = rank
+            settings.method, settings.rtol, settings.atol = number_in_c(INTEGRATORS[method]), 1e-8, 1e-10
+            for members in (options, arrays, influences.members):
+                for name, value in members.items():
+                    setattr(settings, name, value)
+            work = space.numbers(library.ncgen_workspace(self._model, dynamics, settings))
+            statistics = self._ffi.new("ncgen_statistics *")
+            status = library.ncgen_simulate(
+                self._model, dynamics, settings, *start, len(times), pointer(self._ffi, times, number.array), *rows.in_c, space.rows,
+                statistics, work, space.integers,
+            )  # fmt: skip
+            raised = space.listener.raised or influences.raised
+            return rows.outcome(space.rows[0], "interrupted" if raised else STATUS[status], statistics, raised, influences.crossed)
+        finally:
+            self._spaces.give_back(space)
 
     def jacobian(
         self, t: float, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, formalism: str = "coordinate-partitioning", **options: InC
@@ -223,12 +141,13 @@ class Dynamics:
         ffi, library = self._ffi, runtime_of(self.number.name, "whole")
         self._take_tangents()
         settings = ffi.new("ncgen_options *", {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options})
-        work, integers = self._space(library, settings)
         inputs = self._start(InitialState(q, velocities, p), number_in_c(FORMALISMS[formalism]))
-        count = len(inputs[2])
+        count = self._state(number_in_c(FORMALISMS[formalism]))[0]
         out = np.empty(self._jacobian_shape(count) if formalism == "coordinate-partitioning" else (count, 2 * count), self.number.dtype)
-        pointers = [pointer(ffi, a, self.number.array) for a in (*inputs, out, work)]
-        status = library.ncgen_dynamics_jacobian(self._model, self._dynamics, settings, t, *pointers, pointer(ffi, integers, "int[]"))
+        work = np.empty(library.ncgen_workspace(self._model, self._dynamics, settings), self.number.dtype)
+        pointers = *inputs, *(pointer(ffi, a, self.number.array) for a in (out, work))
+        integers = pointer(ffi, np.empty(self._n_integers, dtype=np.intc), "int[]")
+        status = library.ncgen_dynamics_jacobian(self._model, self._dynamics, settings, t, *pointers, integers)
         if status:
             raise NcgenError(f"{self.kernels.name}: the Jacobian at t = {t:g} s ended with “{STATUS[status]}”")
         return out
@@ -241,11 +160,22 @@ class Dynamics:
     _positions = 0
     """Independent coordinates of the positions, where they are others than those of the velocities."""
 
-    def _start(self, state: InitialState, formalism: int) -> list[np.ndarray]:
+    def _start(self, state: InitialState, formalism: int) -> tuple[InC, InC, InC]:
         """Parameters, position and velocities as C reads them."""
-        kernels = self.kernels
-        counts = {"p": len(kernels.p0), "q": kernels.n, "velocities": self._state(formalism)[0]}
-        return [laid(getattr(state, name), self.number.dtype, count, f"{kernels.name}: {name}") for name, count in counts.items()]
+        kernels, put = self.kernels, self._in_c
+        velocities = put(state.velocities, self._state(formalism)[0], "velocities")
+        return put(state.p, len(kernels.p0), "p"), put(state.q, kernels.n, "q"), velocities
+
+    def _in_c(self, values: ArrayLike, count: int, name: str) -> InC:
+        """So many numbers as C reads them. Raises NcgenError for others; name: in its message"""
+        dtype = self.number.dtype
+        if not (type(values) is np.ndarray and values.dtype == dtype and values.shape == (count,) and values.flags.carray):
+            values = laid(values, dtype, count, f"{self.kernels.name}: {name}")
+        return pointer(self._ffi, values, self.number.array)
+
+    def _sizes(self, sizes: ArrayLike | None, formalism: int) -> InC:
+        """`sizes` of `ncgen_options`."""
+        return self._ffi.NULL if sizes is None else self._in_c(sizes, sum(self._state(formalism)) + 1, "sizes")
 
     @property
     def _eliminated(self) -> int:
@@ -256,11 +186,14 @@ class Dynamics:
         """True if a method takes stiffness and damping; options: as of `simulate`."""
         return uses_tangents(self.kernels, method)
 
-    def _space(self, library: InC, settings: InC) -> tuple[np.ndarray, np.ndarray]:
-        """Workspace: numbers and integers."""
-        numbers = library.ncgen_workspace(self._model, self._dynamics, settings)
-        integers = 7 * self.kernels.n + 3 * self.kernels.m
-        return np.empty(numbers, self.number.dtype), np.empty(integers, dtype=np.intc)
+    @cached_property
+    def _spaces(self) -> RunSpaces:
+        return RunSpaces(self._ffi, self.number, self._n_integers, self._eliminated)
+
+    @property
+    def _n_integers(self) -> int:
+        """Of a workspace."""
+        return 7 * self.kernels.n + 3 * self.kernels.m
 
     def _jacobian_shape(self, velocities: int) -> tuple[int, int]:
         """With coordinate partitioning."""
@@ -270,6 +203,44 @@ class Dynamics:
         """Tangent kernels are compiled when an implicit method first asks for them."""
         tangents = self._external.tangents if self._external else tangents_of(self.kernels)
         self._dynamics.tangents = self._ffi.cast("ncgen_tangents *", tangents)
+
+
+class _Influences:
+    """What acts on one run from outside, or may end it.
+
+    members: of `ncgen_options`
+    """
+
+    def __init__(self, dynamics: Dynamics, library: InC, inputs: RunInputs, conditions: Conditions | None) -> None:
+        ffi, number = interface_of(dynamics.number.name), dynamics.number
+        self.members: dict[str, InC] = {}
+        self._driver = self._watched = None
+        self._called = dynamics.called
+        if any(inputs.signals) or len(inputs.breaks):
+            self._driver = Driver(inputs.signals, number, inputs.breaks)
+            self.members["signals"] = self._driver.signals(library.ncgen_piecewise_inputs)
+        if inputs.rule:
+            choices = Choices(dynamics.kernels, inputs.rule)
+            self._called = [*self._called, choices]
+            self.members["parameter_rule"] = choices.function
+        if conditions:
+            self._watched = Watched(conditions, ffi, number)
+            self.members["event"] = self._watched.struct
+        for each in self._called:
+            each.begin()
+
+    @property
+    def raised(self) -> BaseException | None:
+        """What a function of Python raised, if one did."""
+        return next((each.raised for each in (self._driver, *self._called) if each and each.raised), None)
+
+    @property
+    def crossed(self) -> tuple[int, ...]:
+        """Numbers of the conditions at which the run stopped; notes which were sampled."""
+        if not self._watched:
+            return ()
+        self._watched.report()
+        return self._watched.crossed
 
 
 class DenseDynamics(Dynamics):

@@ -26,7 +26,8 @@ from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
 
 if TYPE_CHECKING:
-    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics, Outcome
+    from ncgen.mechanism.run_rows import Outcome
+    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
 from ncgen.solver.engines.acceleration_forms import all_coordinates
 from ncgen.solver.engines.capabilities import closeness
 from ncgen.solver.engines.partition_dynamics import dynamics
