@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, TypeGuard, cast
 
 import numpy as np
@@ -154,11 +153,11 @@ class KernelCalls(KernelData):
         program = self.programs.programs.get("energy")
         if self._drive is not None or self.model.callbacks or program is None or "qd" not in program.inputs:
             return np.array([self.energy(*instant, p) for instant in zip(q, qd, t, strict=True)])
-        return self._called_at("energy", zip(t, q, qd, strict=True), p, program.size)
+        return self._called_at("energy", (t, q, qd), p, program.size)
 
-    def _called_at(self, kernel: str, instants: Iterable[tuple[float, np.ndarray, np.ndarray]], p: np.ndarray, size: int) -> np.ndarray:
-        """A kernel of velocities at K instants (t, q, qd), shape (K, size)."""
-        return np.array([self._call(kernel, *instant, p, size) for instant in instants])
+    def _called_at(self, kernel: str, instants: tuple[np.ndarray, np.ndarray, np.ndarray], p: np.ndarray, size: int) -> np.ndarray:
+        """A kernel of velocities at K instants, t (K,), q and qd (K, n), shape (K, size)."""
+        return np.array([self._call(kernel, *instant, p, size) for instant in zip(*instants, strict=True)])
 
     def external_force(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike, p: np.ndarray) -> np.ndarray:
         """Evaluate the forces of the model's Python functions.

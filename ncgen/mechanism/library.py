@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -98,14 +98,17 @@ class CompiledKernels(Kernels):
             raise self._failed(kernel, status)
         return result.copy()
 
-    def _called_at(self, kernel: str, instants: Iterable[tuple[float, np.ndarray, np.ndarray]], p: np.ndarray, size: int) -> np.ndarray:
-        function, result, pointer = self._call_of(kernel)
-        parameters, rows = p.tobytes(), list[list[float]]()
-        for t, q, qd in instants:
-            if status := function(t, q.tobytes(), qd.tobytes(), parameters, pointer):
+    def _called_at(self, kernel: str, instants: tuple[np.ndarray, np.ndarray, np.ndarray], p: np.ndarray, size: int) -> np.ndarray:
+        function, n = self.function(kernel), len(self.coordinates)
+        t, q, qd = (np.ascontiguousarray(each, dtype=float) for each in instants)
+        out = np.empty((len(t), size))
+        to = pointer(self._ffi, out)
+        at, rates = (pointer(self._ffi, each, count=len(t) * n) for each in (q, qd))
+        parameters = pointer(self._ffi, p, count=len(self.p0))
+        for i, time in enumerate(t.tolist()):
+            if status := function(time, at + i * n, rates + i * n, parameters, to + i * size):
                 raise self._failed(kernel, status)
-            rows.append(result.tolist())
-        return np.array(rows).reshape(-1, size)
+        return out
 
     def _call_of(self, kernel: str) -> _Call:
         """A kernel with this thread's own place for its result."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -15,14 +14,18 @@ from ncgen.toolchain.abi import InC, Interface, Number
 class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
 
-    rows: that it wrote; status "ok" or the reason
+    t (rows,) in s: their times, those asked for but for movable; q, qd (rows, n); work (rows,); status "ok" or the reason
+    ends: the last state, where C wrote it
     reached: time (s) of the state `last`; tried: time of the last stage; stiff: how often it was found stiff
     raised: what ended the run from outside, or None; crossed: numbers of the conditions at which it stopped
     next_step (s): what an explicit method with error control would try next
     """
 
-    rows: Rows
-    done: int
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    ends: tuple[np.ndarray, np.ndarray, np.floating]
     status: str
     reached: float
     steps: int
@@ -43,30 +46,11 @@ class Outcome:
     crossed: tuple[int, ...] = ()
     next_step: float = 0.0
 
-    @cached_property
-    def t(self) -> np.ndarray:
-        """Times of the rows, (rows,) in s: those asked for but for movable."""
-        return self.rows.t[: self.done]
-
-    @cached_property
-    def q(self) -> np.ndarray:
-        """Positions, (rows, n)."""
-        return self.rows.q[: self.done]
-
-    @cached_property
-    def qd(self) -> np.ndarray:
-        """Velocities, (rows, n)."""
-        return self.rows.qd[: self.done]
-
-    @cached_property
-    def work(self) -> np.ndarray:
-        """Work, (rows,) in J."""
-        return self.rows.work[: self.done]
-
-    @cached_property
+    @property
     def last(self) -> tuple[np.ndarray, np.ndarray, float]:
         """Position, velocities and work of the last state."""
-        return self.rows.q[-1].copy(), self.rows.qd[-1].copy(), float(self.rows.work[-1])
+        q, qd, work = self.ends
+        return q.copy(), qd.copy(), float(work)
 
     def completed(self) -> Outcome:
         """This outcome, unless something was raised while the run went on: that is raised now."""
@@ -89,35 +73,16 @@ class Rows:
         self.t_in_c: InC = start
         self.in_c: tuple[InC, InC, InC] = start + 2 * count, start + (2 + n) * count, start + count
 
-    @cached_property
-    def _numbers(self) -> np.ndarray:
-        return self._block.astype(float, copy=False)
-
-    @property
-    def t(self) -> np.ndarray:
-        """Times, (K,) in s, as of C where it moved them."""
-        return self._numbers[: self._count - 1]
-
-    @property
-    def work(self) -> np.ndarray:
-        """Work, (K + 1,) in J."""
-        return self._numbers[self._count : 2 * self._count]
-
-    @property
-    def q(self) -> np.ndarray:
-        """Positions, (K + 1, n)."""
-        return self._numbers[2 * self._count : (2 + self._n) * self._count].reshape(self._count, self._n)
-
-    @property
-    def qd(self) -> np.ndarray:
-        """Velocities, (K + 1, n)."""
-        return self._numbers[(2 + self._n) * self._count :].reshape(self._count, self._n)
-
     def outcome(self, done: int, status: str, statistics: InC, raised: BaseException | None, crossed: tuple[int, ...]) -> Outcome:
         """What a run gave that wrote so many rows; statistics: an ncgen_statistics."""
+        n, count = self._n, self._count
+        block = self._block if self._block.dtype == float else self._block.astype(float)
+        work, states = block[count : 2 * count], block[2 * count :].reshape(2, count, n)
+        q, qd = states
         s = statistics
         return Outcome(
-            rows=self, done=done, status=status, reached=float(s.t), steps=s.steps, rejected=s.rejected,
+            t=block[:done], q=q[:done], qd=qd[:done], work=work[:done], ends=(q[-1], qd[-1], work[-1]),
+            status=status, reached=float(s.t), steps=s.steps, rejected=s.rejected,
             repeated=s.repeated, evaluations=s.evaluations, newton_steps=s.newton_steps, factorisations=s.factorisations,
             perturbed=s.perturbed, refinements=s.refinements, stopped=bool(s.stopped), largest_projection=float(s.largest_projection),
             jacobians=s.jacobians, fallbacks=s.fallbacks, tried=float(s.tried), stiff=s.stiff, raised=raised, crossed=crossed,

@@ -6,6 +6,7 @@ Runs of several threads, and a run that a callback of another one begins, each h
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,33 +18,42 @@ MAX_KEPT_NUMBERS = 2**17
 """Numbers of a workspace that is kept for later runs, 1 MiB of doubles; a run with more takes so long that new memory costs nothing."""
 
 
+class Sizes(NamedTuple):
+    """Of one state derivative: parameters, coordinates, whole numbers of a workspace, and unknowns that a stage eliminates."""
+
+    n_parameters: int
+    n_coordinates: int
+    n_integers: int
+    n_eliminated: int
+
+
 class RunSpace:
     """Of one state derivative.
 
-    options: an ncgen_options; dynamics: an ncgen_dynamics; rows: an int; listener: whom the options call; integers: of the workspace
+    options: an ncgen_options, all zero but those of the listener; dynamics: an ncgen_dynamics; rows: an int; integers: of the workspace
+    start: where C reads parameters, position and velocities; listener: whom the options call
     """
 
-    def __init__(self, ffi: Interface, number: Number, n_integers: int, size: int) -> None:
+    def __init__(self, ffi: Interface, number: Number, sizes: Sizes) -> None:
         self._ffi, self._number = ffi, number
         self.options: InC = ffi.new("ncgen_options *")
         self.dynamics: InC = ffi.new("ncgen_dynamics *")
         self.rows: InC = ffi.new("int *")
-        self.listener = Listener(None, size)
+        self.listener = Listener(None, sizes.n_eliminated)
         self._context = ffi.new_handle(self.listener)
         self.options.progress, self.options.context = watch(number.name), self._context
+        self.options.attempts_left = self.listener.attempts
         self._plain, self._bytes = bytes(ffi.buffer(self.options)), ffi.buffer(self.options)
-        self.integers = pointer(ffi, np.empty(n_integers, dtype=np.intc), "int[]")
+        self.integers = pointer(ffi, np.empty(sizes.n_integers, dtype=np.intc), "int[]")
+        self._arrays = [np.empty(count, number.dtype) for count in (sizes.n_parameters, *2 * (sizes.n_coordinates,))]
+        self.start = tuple(pointer(ffi, each, number.array) for each in self._arrays)
         self._size, self._numbers = -1, ffi.NULL
 
-    def begin(self, progress: Callable[[float], None] | None) -> None:
-        """All options are zero then, but those of the listener."""
-        self.listener.begin(progress)
-        self._bytes[:] = self._plain
-        self.options.attempts_left = self.listener.attempts
-
-    def end(self) -> None:
-        """Keep nothing of a run alive."""
-        self.listener.begin(None)
+    def put(self, p: np.ndarray, q: np.ndarray, velocities: np.ndarray) -> None:
+        """Let a run begin with these; velocities: of all coordinates, or of some."""
+        self._arrays[0][:] = p
+        self._arrays[1][:] = q
+        self._arrays[2][: len(velocities)] = velocities
 
     def numbers(self, size: int) -> InC:
         """Return room for so many numbers."""
@@ -51,17 +61,18 @@ class RunSpace:
             self._size, self._numbers = size, pointer(self._ffi, np.empty(size, self._number.dtype), self._number.array)
         return self._numbers
 
-    @property
-    def is_small(self) -> bool:
-        """Whether it may be kept."""
+    def clear(self) -> bool:
+        """Forget what a run said; whether this may be kept for another one."""
+        self._bytes[:] = self._plain
+        self.listener.progress = self.listener.raised = None
         return self._size <= MAX_KEPT_NUMBERS
 
 
 class RunSpaces:
-    """Those of one state derivative that no run has at the moment; size: unknowns that a stage of a run eliminates, as of `Listener`."""
+    """Those of one state derivative that no run has at the moment."""
 
-    def __init__(self, ffi: Interface, number: Number, n_integers: int, size: int) -> None:
-        self._arguments, self._free = (ffi, number, n_integers, size), list[RunSpace]()
+    def __init__(self, ffi: Interface, number: Number, sizes: Sizes) -> None:
+        self._arguments, self._free = (ffi, number, sizes), list[RunSpace]()
 
     def take(self, progress: Callable[[float], None] | None) -> RunSpace:
         """Return one for a run, which is given back after it; progress: as of `Listener`."""
@@ -69,11 +80,10 @@ class RunSpaces:
             space = self._free.pop()
         except IndexError:
             space = RunSpace(*self._arguments)
-        space.begin(progress)
+        space.listener.begin(progress)
         return space
 
     def give_back(self, space: RunSpace) -> None:
         """Keep a space for later runs, unless it is large."""
-        space.end()
-        if space.is_small:
+        if space.clear():
             self._free.append(space)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -26,7 +27,7 @@ from ncgen.mechanism.motion_sources import Written
 from ncgen.mechanism.properties import uses_tangents
 from ncgen.mechanism.run_arguments import NO_INPUTS, UNWATCHED_RUN, InitialState, Monitor, RunInputs
 from ncgen.mechanism.run_rows import Outcome, Rows
-from ncgen.mechanism.run_space import RunSpaces
+from ncgen.mechanism.run_space import RunSpaces, Sizes
 from ncgen.mechanism.runtime_library import Recursion, interface_of, load_with_headers, model_in, part_for, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
@@ -34,6 +35,17 @@ from ncgen.toolchain.abi import NUMBERS, InC
 
 PARTITIONED = number_in_c(FORMALISMS["coordinate-partitioning"])
 """The formalism that a run has where nothing else is said."""
+
+
+class _Way(NamedTuple):
+    """What runs by one method have in common: the runtime, the method's number there, whether it takes tangents, how many velocities are
+    integrated, and how many sizes such a state has."""
+
+    library: InC
+    method: int
+    takes_tangents: bool
+    n_velocities: int
+    n_sizes: int
 
 
 class Dynamics:
@@ -57,6 +69,7 @@ class Dynamics:
         self._external = kernels.remember("external forces", (), lambda: ExternalForces(kernels)) if kernels.model.callbacks else None
         if self._external:
             self._dynamics.external = self._external.function
+        self._ways: dict[tuple[str, bool, int, bool], _Way] = {}
         self.called = [each for each in (self._external, in_python(kernels)) if each]
         self.has_rolling = len(kernels.holonomic) < kernels.m
         if self.has_rolling:
@@ -95,42 +108,50 @@ class Dynamics:
         newton: with tangents, also where a method can do without them
         options: the other members of `ncgen_options`, by their names; sizes is an array, or None for 1
         """
-        number, rank, formalism = self.number, options.pop("rank", None), options.get("formalism", PARTITIONED)
-        library, takes_tangents = runtime_of(number.name, part_for(method, self.recursion)), newton or self._uses_tangents(method, options)
-        times = np.ascontiguousarray(times, dtype=number.dtype)
-        rows, start = Rows(self._ffi, number, times, self.kernels.n), self._start(initial, formalism)
-        arrays = {"sizes": self._sizes(options.pop("sizes", None), formalism)}
-        if movable is not None:
-            movable = np.ascontiguousarray(movable, dtype=np.intc)
-            arrays |= {
-                "movable": pointer(self._ffi, movable, "int[]", len(times), f"{self.kernels.name}: movable"),
-                "row_times": rows.t_in_c,
-            }
-        if takes_tangents:
+        ffi, number, rank, sizes = self._ffi, self.number, options.pop("rank", None), options.pop("sizes", None)
+        way = self._way(method, newton, options)
+        if way.takes_tangents:
             self._take_tangents()
-        influences = _Influences(self, library, inputs, monitor.conditions)
+        (p, q, velocities), sizes = self._laid(initial, way.n_velocities), self._sizes(sizes, way.n_sizes)
+        times = np.ascontiguousarray(times, dtype=number.dtype)
+        rows = Rows(ffi, number, times, self.kernels.n)
+        influences = _Influences(self, way.library, inputs, monitor.conditions)
         space = self._spaces.take(monitor.progress)
         try:
             settings, dynamics = space.options, space.dynamics
+            space.put(p, q, velocities)
             dynamics[0] = self._dynamics[0]
-            if not takes_tangents:
-                dynamics.tangents = self._ffi.NULL
+            if not way.takes_tangents:
+                dynamics.tangents = ffi.NULL
             if rank is not None:
                 dynamics.n_dependent = rank
-            settings.method, settings.rtol, settings.atol = number_in_c(INTEGRATORS[method]), 1e-8, 1e-10
-            for members in (options, arrays, influences.members):
-                for name, value in members.items():
-                    setattr(settings, name, value)
-            work = space.numbers(library.ncgen_workspace(self._model, dynamics, settings))
-            statistics = self._ffi.new("ncgen_statistics *")
-            status = library.ncgen_simulate(
-                self._model, dynamics, settings, *start, len(times), pointer(self._ffi, times, number.array), *rows.in_c, space.rows,
-                statistics, work, space.integers,
+            settings.method, settings.rtol, settings.atol, settings.sizes = way.method, 1e-8, 1e-10, sizes
+            if movable is not None:
+                movable = np.ascontiguousarray(movable, dtype=np.intc)
+                settings.movable = pointer(ffi, movable, "int[]", len(times), f"{self.kernels.name}: movable")
+                settings.row_times = rows.t_in_c
+            for name, value in options.items():
+                setattr(settings, name, value)
+            influences.put(settings)
+            statistics = ffi.new("ncgen_statistics *")
+            status = way.library.ncgen_simulate(
+                self._model, dynamics, settings, *space.start, len(times), pointer(ffi, times, number.array), *rows.in_c, space.rows,
+                statistics, space.numbers(way.library.ncgen_workspace(self._model, dynamics, settings)), space.integers,
             )  # fmt: skip
             raised = space.listener.raised or influences.raised
             return rows.outcome(space.rows[0], "interrupted" if raised else STATUS[status], statistics, raised, influences.crossed)
         finally:
             self._spaces.give_back(space)
+
+    def _way(self, method: str, newton: bool, options: Mapping[str, InC]) -> _Way:
+        """What runs by a method have in common, found once; arguments as of `simulate`."""
+        formalism, frequency = options.get("formalism", PARTITIONED), options.get("frequency", 0.0)
+        key = method, newton, formalism, frequency > 0.0
+        if key not in self._ways:
+            counts, library = self._state(formalism), runtime_of(self.number.name, part_for(method, self.recursion))
+            takes_tangents = newton or self._uses_tangents(method, {"formalism": formalism, "frequency": frequency})
+            self._ways[key] = _Way(library, number_in_c(INTEGRATORS[method]), takes_tangents, counts[0], sum(counts) + 1)
+        return self._ways[key]
 
     def jacobian(
         self, t: float, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, formalism: str = "coordinate-partitioning", **options: InC
@@ -141,11 +162,11 @@ class Dynamics:
         ffi, library = self._ffi, runtime_of(self.number.name, "whole")
         self._take_tangents()
         settings = ffi.new("ncgen_options *", {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options})
-        inputs = self._start(InitialState(q, velocities, p), number_in_c(FORMALISMS[formalism]))
         count = self._state(number_in_c(FORMALISMS[formalism]))[0]
+        inputs = [np.ascontiguousarray(each, dtype=self.number.dtype) for each in self._laid(InitialState(q, velocities, p), count)]
         out = np.empty(self._jacobian_shape(count) if formalism == "coordinate-partitioning" else (count, 2 * count), self.number.dtype)
         work = np.empty(library.ncgen_workspace(self._model, self._dynamics, settings), self.number.dtype)
-        pointers = *inputs, *(pointer(ffi, a, self.number.array) for a in (out, work))
+        pointers = [pointer(ffi, a, self.number.array) for a in (*inputs, out, work)]
         integers = pointer(ffi, np.empty(self._n_integers, dtype=np.intc), "int[]")
         status = library.ncgen_dynamics_jacobian(self._model, self._dynamics, settings, t, *pointers, integers)
         if status:
@@ -160,22 +181,28 @@ class Dynamics:
     _positions = 0
     """Independent coordinates of the positions, where they are others than those of the velocities."""
 
-    def _start(self, state: InitialState, formalism: int) -> tuple[InC, InC, InC]:
-        """Parameters, position and velocities as C reads them."""
-        kernels, put = self.kernels, self._in_c
-        velocities = put(state.velocities, self._state(formalism)[0], "velocities")
-        return put(state.p, len(kernels.p0), "p"), put(state.q, kernels.n, "q"), velocities
+    def _laid(self, state: InitialState, n_velocities: int) -> list[np.ndarray]:
+        """Parameters, position and velocities, of C's type. Raises NcgenError for others."""
+        kernels, dtype, arrays = self.kernels, self.number.dtype, (state.p, state.q, state.velocities)
+        counts = zip(("p", "q", "velocities"), (len(kernels.p0), len(kernels.coordinates), n_velocities), arrays, strict=True)
+        return [
+            array if type(array) is np.ndarray and array.dtype == float and array.shape == (count,)
+            else laid(array, dtype, count, f"{kernels.name}: {name}")
+            for name, count, array in counts
+        ]  # fmt: skip
 
-    def _in_c(self, values: ArrayLike, count: int, name: str) -> InC:
-        """So many numbers as C reads them. Raises NcgenError for others; name: in its message"""
-        dtype = self.number.dtype
-        if not (type(values) is np.ndarray and values.dtype == dtype and values.shape == (count,) and values.flags.carray):
-            values = laid(values, dtype, count, f"{self.kernels.name}: {name}")
-        return pointer(self._ffi, values, self.number.array)
+    def _sizes(self, sizes: ArrayLike | None, count: int) -> InC:
+        """`sizes` of `ncgen_options`; of arrays that nobody writes to the last one is kept."""
+        if sizes is None:
+            return self._ffi.NULL
+        known, address = self._known_sizes
+        if known is not sizes:
+            address = pointer(self._ffi, laid(sizes, self.number.dtype, count, f"{self.kernels.name}: sizes"), self.number.array)
+            if isinstance(sizes, np.ndarray) and not sizes.flags.writeable:
+                self._known_sizes = sizes, address
+        return address
 
-    def _sizes(self, sizes: ArrayLike | None, formalism: int) -> InC:
-        """`sizes` of `ncgen_options`."""
-        return self._ffi.NULL if sizes is None else self._in_c(sizes, sum(self._state(formalism)) + 1, "sizes")
+    _known_sizes: tuple[ArrayLike | None, InC] = None, None
 
     @property
     def _eliminated(self) -> int:
@@ -188,7 +215,8 @@ class Dynamics:
 
     @cached_property
     def _spaces(self) -> RunSpaces:
-        return RunSpaces(self._ffi, self.number, self._n_integers, self._eliminated)
+        sizes = Sizes(len(self.kernels.p0), self.kernels.n, self._n_integers, self._eliminated)
+        return RunSpaces(self._ffi, self.number, sizes)
 
     @property
     def _n_integers(self) -> int:
@@ -206,33 +234,37 @@ class Dynamics:
 
 
 class _Influences:
-    """What acts on one run from outside, or may end it.
-
-    members: of `ncgen_options`
-    """
+    """What acts on one run from outside, or may end it."""
 
     def __init__(self, dynamics: Dynamics, library: InC, inputs: RunInputs, conditions: Conditions | None) -> None:
-        ffi, number = interface_of(dynamics.number.name), dynamics.number
-        self.members: dict[str, InC] = {}
-        self._driver = self._watched = None
+        self._driver = self._watched = self._choices = None
         self._called = dynamics.called
         if any(inputs.signals) or len(inputs.breaks):
-            self._driver = Driver(inputs.signals, number, inputs.breaks)
-            self.members["signals"] = self._driver.signals(library.ncgen_piecewise_inputs)
+            self._driver, self._function = Driver(inputs.signals, dynamics.number, inputs.breaks), library.ncgen_piecewise_inputs
         if inputs.rule:
-            choices = Choices(dynamics.kernels, inputs.rule)
-            self._called = [*self._called, choices]
-            self.members["parameter_rule"] = choices.function
+            self._choices = Choices(dynamics.kernels, inputs.rule)
+            self._called = [*self._called, self._choices]
         if conditions:
-            self._watched = Watched(conditions, ffi, number)
-            self.members["event"] = self._watched.struct
+            self._watched = Watched(conditions, interface_of(dynamics.number.name), dynamics.number)
+
+    def put(self, settings: InC) -> None:
+        """Into the options of a run that begins."""
+        if self._driver:
+            settings.signals = self._driver.signals(self._function)
+        if self._choices:
+            settings.parameter_rule = self._choices.function
+        if self._watched:
+            settings.event = self._watched.struct
         for each in self._called:
             each.begin()
 
     @property
     def raised(self) -> BaseException | None:
         """What a function of Python raised, if one did."""
-        return next((each.raised for each in (self._driver, *self._called) if each and each.raised), None)
+        for each in (self._driver, *self._called):
+            if each and each.raised:
+                return each.raised
+        return None
 
     @property
     def crossed(self) -> tuple[int, ...]:

@@ -22,13 +22,15 @@ from ncgen.solver.groups import MotionArguments
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
-from ncgen.solver.positions.rank import freedom_at, rank_at
-from ncgen.solver.runs.alarms import doubts, monitoring_times
+from ncgen.solver.positions.rank import REMEMBERED, freedom_at, rank_at
+from ncgen.solver.runs.alarms import doubts
 from ncgen.solver.runs.choice import IMPLICIT, Choice, choose, stiff_choice
 from ncgen.solver.runs.divergence import divergence
+from ncgen.solver.runs.grid import Rows
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.progress_reports import ProgressOption, reporting
-from ncgen.solver.runs.run import COMPILED, EMITTED, Form, Run
+from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.settings import CACHED, COMPILED, EMITTED, Form
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
@@ -56,13 +58,16 @@ def simulate_one(
     """Simulate one motion; arguments, results and errors as of `simulate` without rows."""
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, stop=stop, progress=progress, **arguments)
     kernels = kernels.driven_by(run.signals)
-    choice = choose(run)
-    start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
-    if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MAX_PARTITIONED_DOF:
+    choice = choose(run.settings)
+    is_partitioned = not choice.method.is_constrained
+    start = begin(kernels, run.initial, is_partitioned)
+    if is_partitioned and (freedom := kernels.n - kernels.m) > MAX_PARTITIONED_DOF:
         warn(
             f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
             "formalism='lagrange' solves sparsely, many times faster"
         )
+    if progress is not True:
+        return _carry_out(kernels, run, choice, start, progress or None)
     with reporting(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as advance:
         return _carry_out(kernels, run, choice, start, advance)
 
@@ -74,7 +79,7 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
     """
     step, length = float(np.max(np.diff(times))), float(times[-1] - times[0])
     run = Run.from_arguments(checked_kernels(kernels), length, points=times, max_step=step, **options)
-    kernels, choice = kernels.driven_by(run.signals), choose(run)
+    kernels, choice = kernels.driven_by(run.signals), choose(run.settings)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
     return _carry_out(kernels, run, choice, start, None, breaks)
 
@@ -82,11 +87,9 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
 def simulate_events(kernels: Kernels, times: np.ndarray, **options: Any) -> Passage:
     """As `simulate_one` over times (K,), s, from the first of them on: what a run with events meets on its way."""
     run = Run.from_arguments(checked_kernels(kernels), float(times[-1] - times[0]), points=times, **options)
-    kernels, choice = kernels.driven_by(run.signals), choose(run)
+    kernels, choice = kernels.driven_by(run.signals), choose(run.settings)
     start = begin(kernels, run.initial, partitioned=False)
-    motion = _Motion(
-        kernels=kernels, run=run, choice=choice, start=start, times=run.times, movable=np.zeros(len(run.times), dtype=bool), progress=None
-    )
+    motion = _Motion(kernels=kernels, run=run, choice=choice, start=start, rows=run.grid.plain, progress=None)
     motion.advance()
     return motion.passage
 
@@ -99,10 +102,8 @@ def _carry_out(
     Raises Interrupted with what was reached.
     """
     check_mass(kernels, start.q, run.initial.t, start.p)
-    times, movable = _with_extra(run.times, monitoring_times(run, choice.method))
-    motion = _Motion(
-        kernels=kernels, run=run, choice=choice, start=start, times=times, movable=movable, progress=progress, given_breaks=breaks
-    )
+    rows = run.grid.plain if choice.method.has_fixed_step else run.grid.monitored  # other times would change the steps of these
+    motion = _Motion(kernels=kernels, run=run, choice=choice, start=start, rows=rows, progress=progress, given_breaks=breaks)
     clock = _Stopwatch()
     try:
         motion.advance()
@@ -118,22 +119,13 @@ def _carry_out(
     trajectory = motion.trajectory(clock)
     if motion.passage.rests:
         warn(f"{kernels.name}: {motion.passage.rests}")
-    here = kernels, start.q, run.initial.t, start.p
-    if choice.method.is_constrained and rank_at(*here)[1]:
-        warn(singular_message(kernels, freedom_at(*here)))
+    if choice.method.is_constrained and motion.mobility[1]:
+        warn(singular_message(kernels, freedom_at(kernels, start.q, run.initial.t, start.p)))
     if negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p):
         warn(f"{kernels.name}: {negative}")
-    for doubt in doubts(trajectory, motion.inspected(trajectory), motion.tolerances, choice.method):
+    for doubt in doubts(trajectory, motion.inspected(), motion.tolerances, choice.method):
         warn(f"{kernels.name}: {doubt}")
     return trajectory
-
-
-def _with_extra(times: np.ndarray, extra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A grid with instants inside it put between its own where they are others, and a mask of these."""
-    extra = extra[times[np.searchsorted(times, extra)] != extra]
-    both = np.concatenate([times, extra])
-    order = np.argsort(both, kind="stable")
-    return both[order], order >= len(times)
 
 
 def _with_neighbours(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -161,41 +153,47 @@ class _Motion:
     """One run on its way: the path so far, and which engine makes it.
 
     given_breaks: None, or the breaks of a run that takes one step from each of its times to the next
-    times: its own instants and those at which it is looked at, of which `movable` is a mask; C moves these to where its steps end
+    rows: its own instants and those at which it is looked at; times: of these, which C moves to where its steps end
     """
 
     kernels: Kernels
     run: Run
     choice: Choice
     start: Start
-    times: np.ndarray
-    movable: np.ndarray
+    rows: Rows
     progress: Callable[[float], None] | None
     given_breaks: np.ndarray | None = None
     engine: str = "c"
 
     def __post_init__(self) -> None:
+        self.times = self.rows.times.copy()
         self.path = Path.empty(self.kernels.n, self.start.partitions)
         functions = self.run.signals.laws if self.run.signals else ()
-        rounding = capabilities.rounding(self.run.number)
-        ends = float(self.times[0]), float(self.times[-1])
+        rounding = capabilities.rounding(self.run.settings.number)
         start, breaks = self.start, self.given_breaks
-        self.breaks = break_times(self.kernels, start.p, *ends, functions, rounding) if breaks is None else breaks
+        if breaks is None:
+            breaks = break_times(self.kernels, start.p, float(self.times[0]), float(self.times[-1]), functions, rounding)
+        self.breaks = breaks
         self.passage = Passage()
-        self.jumps = driver_jumps(self.kernels, start.p, start.q, self.breaks)
-        self.tolerances = Tolerances.of(self.run, self.kernels.length, capabilities.rounding(self.run.number))
+        self.jumps = driver_jumps(self.kernels, start.p, start.q, breaks)
+        self.tolerances = Tolerances.of(self.run, self.kernels.length, rounding)
+
+    @property
+    def mobility(self) -> tuple[int, bool]:
+        """The rank of Φ_q, and whether the start is a singular position."""
+        kernels, start, t = self.kernels, self.start, self.run.initial.t
+        return kernels.remember("mobility at starts", start, lambda: rank_at(kernels, start.q, t, start.p), REMEMBERED)
 
     def advance(self) -> None:
         """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
         run, kernels = self.run, self.kernels
-        form = self._form()
+        form, refused = self._way()
         if has_events(kernels.model):
             check_events(kernels, self.choice.method, run)
-        refused = "asked for" if run.engine == "python" else self._refusal()
-        needs_c = run.engine in (COMPILED, "c", *EMITTED) or run.number != "double"
-        remedy = "engine='auto'" if run.number == "double" else "number='double'"
+        needs_c = run.settings.engine in (COMPILED, "c", *EMITTED) or run.settings.number != "double"
+        remedy = "engine='auto'" if run.settings.number == "double" else "number='double'"
         if refused and needs_c:
-            number = "" if run.number == "double" else f" with {run.number}"
+            number = "" if run.settings.number == "double" else f" with {run.settings.number}"
             raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {remedy}")
         if refused is None:
             refused = self._in_c(form)
@@ -216,7 +214,7 @@ class _Motion:
         name, method = self.kernels.name, self.choice.method
         if method.integrator.in_python:
             return
-        if self.run.engine == "python":
+        if self.run.settings.engine == "python":
             raise ModelError(f"{name}: {method} is in C only; use engine='auto'")
         if len(self.path.q):
             raise ConvergenceError(f"{name}: {refused}; take smaller steps (max_step) or another integrator")
@@ -225,7 +223,7 @@ class _Motion:
     def diverged(self) -> ConvergenceError | None:
         """What to say where the path's end shows that its fixed steps were too long for the motion; None otherwise."""
         method, run = self.choice.method, self.run
-        step = run.max_step if method.has_fixed_step else None
+        step = run.settings.max_step if method.has_fixed_step else None
         return divergence(self.kernels, self.path, float(self.times[0]), method, step, self.start.p)
 
     def refuse_negative(self) -> None:
@@ -234,11 +232,21 @@ class _Motion:
             t = self.times[max(0, min(end - 1, len(self.times) - 2)) :][:2]
             refuse_negative_ahead(self.kernels, self.path.q[-1], self.path.qd[-1], float(t[0]), float(t[-1] - t[0]), self.start.p)
 
+    def _way(self) -> tuple[Form, str | None]:
+        """What state derivative C is given, and why C cannot carry the run out, or None; found once for settings."""
+        settings, start = self.run.settings, self.start
+
+        def find() -> tuple[Form, str | None]:
+            return self._form(), "asked for" if settings.engine == "python" else self._refusal()
+
+        known = settings, self.choice, self.kernels.effort
+        return find() if start.partitions else self.kernels.remember("ways of runs", known, find, CACHED)
+
     def _form(self) -> Form:
         """What state derivative C is given: as named, else one that is emitted where there is one over all coordinates."""
-        if self.run.engine in EMITTED:
-            return self.run.engine
-        is_open = self.run.engine in (AUTO, COMPILED) and self.run.number == "double"
+        if self.run.settings.engine in EMITTED:
+            return self.run.settings.engine
+        is_open = self.run.settings.engine in (AUTO, COMPILED) and self.run.settings.number == "double"
         return acceleration_forms.form_of(self.kernels, self.choice.method) if is_open else "dense"
 
     def _go_on_implicit(self, form: Form) -> str | None:
@@ -249,7 +257,7 @@ class _Motion:
         path, before = self.path, self.choice.method
         t = self.times[len(path.q) - 1]
         try:
-            other = stiff_choice(self.run, self.choice, form != "dense")
+            other = stiff_choice(self.run.settings, self.choice, form != "dense")
             if other is None:
                 return compiled.STIFFNESS_REASON
             self.choice = other
@@ -264,9 +272,9 @@ class _Motion:
             ) from error
 
     def _refusal(self) -> str | None:
-        refused = capabilities.refusal(self.kernels, self.choice.method, self.run.engine, self.run.number)
+        refused = capabilities.refusal(self.kernels, self.choice.method, self.run.settings.engine, self.run.settings.number)
         return refused or (
-            capabilities.refusal_of_size(self.kernels, self.start.partitions, self.run.engine) if self.start.partitions else None
+            capabilities.refusal_of_size(self.kernels, self.start.partitions, self.run.settings.engine) if self.start.partitions else None
         )
 
     def _in_c(self, form: Form) -> str | None:
@@ -295,7 +303,7 @@ class _Motion:
     def _in_python(self) -> None:
         from ncgen.solver.engines import reference, segments
 
-        task = replace(self._task(), calls_c=self.run.engine == AUTO and not self.choice.method.integrator.in_c)
+        task = replace(self._task(), calls_c=self.run.settings.engine == AUTO and not self.choice.method.integrator.in_c)
 
         def engine(path: Path, kernels: Kernels, task: Task) -> None:
             begun = float(task.grid[len(path.q)])
@@ -310,23 +318,24 @@ class _Motion:
         """What is asked of an engine."""
         start, run, method = self.start, self.run, self.choice.method
         velocities = start.qd if method.is_constrained else self._rates()
-        gives_way = stiff_choice(run, self.choice, recurs=True) is not None
+        gives_way = stiff_choice(run.settings, self.choice, recurs=True) is not None
         return Task(
             method=method,
             grid=self.times,
             q=start.q,
             velocities=velocities,
             p=start.p,
-            max_step=run.max_step,
+            max_step=run.settings.max_step,
             tolerances=self.tolerances,
-            number=run.number,
+            number=run.settings.number,
             stop=run.stop,
             progress=self.progress,
             stop_when_stiff=gives_way,
             signals=run.signals,
             breaks=self.breaks,
-            movable=self.movable,
+            movable=self.rows.is_extra,
             jumps=self.jumps,
+            rank=self.mobility[0] if method.is_constrained and not len(self.path.q) else None,
             steps_to_rows=self.given_breaks is not None,
         )
 
@@ -334,30 +343,33 @@ class _Motion:
         """Velocities of the independent coordinates at the start."""
         return self.start.qd[determined(self.path.partitions).velocity.independent]
 
-    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times of the path's rows, and a mask of those that were not asked for."""
-        path = self.path
-        times, is_extra = self.times[: len(path.q)], self.movable[: len(path.q)]
-        if path.stopped is None:
-            return times, is_extra
-        return np.append(self.times[: len(path.q) - 1], path.stopped), np.append(self.movable[: len(path.q) - 1], False)
+    def _rows(self) -> tuple[np.ndarray, np.ndarray, list[int] | slice]:
+        """Times of the path's rows, and the numbers of those that were asked for, and of those at which the energy is looked at."""
+        path, reached = self.path, len(self.path.q)
+        if path.stopped is None and reached == len(self.times):
+            return self.times, self.rows.wanted, self.rows.looked_at
+        times, is_extra = self.times[:reached], self.rows.is_extra[:reached]
+        if path.stopped is not None:
+            times, is_extra = np.append(times[:-1], path.stopped), np.append(is_extra[:-1], False)
+        rows = Rows(times, is_extra)
+        return times, rows.wanted, rows.looked_at
 
-    def inspected(self, run: Trajectory) -> Instants:
-        """The instants at which a trajectory is looked at, and its ends; all of it where there are no such instants."""
-        (times, is_extra), path = self._rows(), self.path
-        if not len(self.jumps) and not is_extra.any():
-            return Instants(run.t, run.q, run.qd, run.work)
+    def inspected(self) -> Instants:
+        """The instants at which the energy is looked at, and the run's ends; all of it where there are no such instants."""
+        times, _, rows = self._rows()
         if len(self.jumps):
             times = outside_breaks(self.breaks, times)  # a row at a jump is of the time before it
-        shown = sorted({0, *np.flatnonzero(is_extra).tolist(), len(times) - 1}) if is_extra.any() else range(len(times))
-        return Instants(*(rows.take(shown, axis=0) for rows in (times, path.q, path.qd, path.work)))
+        elif isinstance(rows, list):
+            known = dict(zip(times[rows].tolist(), rows, strict=True))  # rows that C moved to the same end of a step are the same
+            rows = [*known.values()]
+        path = self.path
+        return Instants(times[rows], path.q[rows], path.qd[rows], path.work[rows])
 
     def trajectory(self, clock: _Stopwatch) -> Trajectory:
         """The motion at the instants that were asked for, as far as it came."""
         path, run, method = self.path, self.run, self.choice.method
-        times, is_extra = self._rows()
-        wanted = np.flatnonzero(~is_extra)
-        steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
+        times, wanted, _ = self._rows()
+        steps, evaluations, newton_steps, changes, repeated = path.counts.tolist()
         seconds, preparation = clock.read()
         spent = Statistics(
             steps=steps,
@@ -380,7 +392,7 @@ class _Motion:
             q=path.q.take(wanted, axis=0),
             qd=path.qd.take(wanted, axis=0),
             work=path.work.take(wanted),
-            p=self.start.p,
+            p=self.start.p.copy(),
             partitions=path.partitions,
             statistics=spent,
             formalism=method.formalism.name,
@@ -388,9 +400,9 @@ class _Motion:
             engine=self.engine,
             chosen=run.initial.z or self.kernels.model.chosen_independent,
             moved_by=kernels,
-            options=method.options,
+            options={**method.options},
             stopped=path.stopped is not None,
-            number=run.number,
+            number=run.settings.number,
             made_with=acceleration_forms.explained(self.kernels, self.choice, run, self.engine),
             impulses=tuple(path.impulses),
             events=tuple(self.passage.happened),

@@ -72,7 +72,8 @@ class Task:
 
     def movable_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""
-        return (np.zeros(len(self.grid), dtype=bool) if self.movable is None else self.movable)[row:]
+        movable = np.zeros(len(self.grid), dtype=bool) if self.movable is None else self.movable
+        return movable[row:] if row else movable
 
     def looked_at(self, row: int, times: np.ndarray) -> None:
         """Rows from one on are of these times (s), of which movable may be others than were asked for."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -47,11 +48,13 @@ def drift(kernels: Kernels, instants: Instants, p: np.ndarray, unseen: float = 0
     """
     t, q, qd, work = instants
     energies_of_run = energies(kernels, t, q, qd, p)
-    kinetic, potential = energies_of_run[:, 0], energies_of_run[:, 1]
-    total = kinetic + potential - work
-    error = float(_error(total))
-    if error <= ROUNDING * abs(total[0]) or error < limit * kinetic.max():
+    each = energies_of_run.tolist()
+    totals = [kinetic + potential - done for (kinetic, potential, _), done in zip(each, work.tolist(), strict=True)]
+    error = max(abs(total - totals[0]) for total in totals)
+    is_finite = math.isfinite(sum(totals))  # else nobody knows which of them is the largest
+    if is_finite and (error <= ROUNDING * abs(totals[0]) or error < limit * max(kinetic for kinetic, _, _ in each)):
         return 0.0
+    kinetic, potential = energies_of_run[:, 0], energies_of_run[:, 1]
     least = _least(kernels, t[0], q[0], p)
     ratio = float(_relative(kinetic, potential, work, least, unseen))
     return 0.0 if not ratio < MIN_ALARMING_DRIFT and _is_still(kernels, q) else ratio
