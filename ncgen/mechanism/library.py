@@ -99,14 +99,12 @@ class CompiledKernels(Kernels):
         return result.copy()
 
     def _called_at(self, kernel: str, instants: tuple[np.ndarray, np.ndarray, np.ndarray], p: np.ndarray, size: int) -> np.ndarray:
-        function, n = self.function(kernel), len(self.coordinates)
-        t, q, qd = (np.ascontiguousarray(each, dtype=float) for each in instants)
-        out = np.empty((len(t), size))
-        to = pointer(self._ffi, out)
-        at, rates = (pointer(self._ffi, each, count=len(t) * n) for each in (q, qd))
-        parameters = pointer(self._ffi, p, count=len(self.p0))
-        for i, time in enumerate(t.tolist()):
-            if status := function(time, at + i * n, rates + i * n, parameters, to + i * size):
+        function, n, ffi, times = self.function(kernel), len(self.coordinates), self._ffi, instants[0].tolist()
+        q, qd = np.ascontiguousarray(instants[1], dtype=float), np.ascontiguousarray(instants[2], dtype=float)
+        out, count, parameters = np.empty((len(times), size)), len(times) * n, pointer(ffi, p, count=len(self.p0))
+        at, rates, to = pointer(ffi, q, count=count), pointer(ffi, qd, count=count), pointer(ffi, out)
+        for i, t in enumerate(times):
+            if status := function(t, at + i * n, rates + i * n, parameters, to + i * size):
                 raise self._failed(kernel, status)
         return out
 

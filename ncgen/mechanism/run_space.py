@@ -30,7 +30,7 @@ class Sizes(NamedTuple):
 class RunSpace:
     """Of one state derivative.
 
-    options: an ncgen_options, all zero but those of the listener; dynamics: an ncgen_dynamics; rows: an int; integers: of the workspace
+    options: an ncgen_options; dynamics: an ncgen_dynamics; rows: an int; integers: of the workspace
     start: where C reads parameters, position and velocities; listener: whom the options call
     """
 
@@ -41,13 +41,18 @@ class RunSpace:
         self.rows: InC = ffi.new("int *")
         self.listener = Listener(None, sizes.n_eliminated)
         self._context = ffi.new_handle(self.listener)
-        self.options.progress, self.options.context = watch(number.name), self._context
-        self.options.attempts_left = self.listener.attempts
-        self._plain, self._bytes = bytes(ffi.buffer(self.options)), ffi.buffer(self.options)
+        self._hear, self._bytes = watch(number.name), ffi.buffer(self.options)
         self.integers = pointer(ffi, np.empty(sizes.n_integers, dtype=np.intc), "int[]")
         self._arrays = [np.empty(count, number.dtype) for count in (sizes.n_parameters, *2 * (sizes.n_coordinates,))]
         self.start = tuple(pointer(ffi, each, number.array) for each in self._arrays)
         self._size, self._numbers = -1, ffi.NULL
+
+    def with_options(self, options: bytes) -> InC:
+        """Return an ncgen_options of these bytes with the listener's members."""
+        self._bytes[:] = options
+        made = self.options
+        made.progress, made.context, made.attempts_left = self._hear, self._context, self.listener.attempts
+        return made
 
     def put(self, p: np.ndarray, q: np.ndarray, velocities: np.ndarray) -> None:
         """Let a run begin with these; velocities: of all coordinates, or of some."""
@@ -63,7 +68,6 @@ class RunSpace:
 
     def clear(self) -> bool:
         """Forget what a run said; whether this may be kept for another one."""
-        self._bytes[:] = self._plain
         self.listener.progress = self.listener.raised = None
         return self._size <= MAX_KEPT_NUMBERS
 

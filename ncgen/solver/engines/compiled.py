@@ -25,6 +25,8 @@ from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
 
 if TYPE_CHECKING:
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+    from ncgen.mechanism.prepared_run import PreparedRun
     from ncgen.mechanism.run_rows import Outcome
     from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
 from ncgen.solver.engines.acceleration_forms import all_coordinates
@@ -67,13 +69,14 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         q, qd, work = path.take_last()
     begun = len(path.q)
     times = grid[begun:] if begun else grid
-    done = dynamics.simulate(
-        method.integrator.name, times, InitialState(q, qd, p), inputs=task.inputs_in_c(rule_of(kernels)),
+    done = _prepared(task, dynamics).simulate(
+        times,
+        InitialState(q, qd, p),
+        inputs=task.inputs_in_c(rule_of(kernels)),
         monitor=Monitor(conditions=task.watched, progress=Progress(task.progress, kernels.name, task.arrival)),
-        movable=task.movable_from(begun), rank=task.rank_at(kernels, q, times[0]), **method.in_c, tolerance=closeness(number),
-        max_step=task.step_in_c, stop_when_stiff=task.stop_when_stiff, first_step=task.first_step,
-        **task.tolerances.of_all_coordinates(kernels),
-    )  # fmt: skip
+        movable=task.movable_from(begun),
+        rank=task.rank_at(kernels, q, times[0]),
+    )
     task.looked_at(begun, done.t)
     all_work = done.work + work if work else done.work
     path.extend(done.q, done.qd, all_work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
@@ -100,6 +103,18 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
             "comes to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
+
+
+def _prepared(task: Task, dynamics: ConstrainedDynamics) -> PreparedRun:
+    """The run of a task over all coordinates, but for its numbers."""
+    run = task.runs.get(dynamics)
+    if run is None:
+        method, sizes = task.method, dynamics.kernels.column_sizes
+        run = task.runs[dynamics] = dynamics.run_by(
+            method.integrator.name, **method.in_c, tolerance=closeness(task.number), max_step=task.step_in_c,
+            stop_when_stiff=int(task.stop_when_stiff), first_step=task.first_step, **task.tolerances.in_c(sizes, sizes),
+        )  # fmt: skip
+    return run
 
 
 SURE_INERTIA = 1e-8

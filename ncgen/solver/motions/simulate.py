@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ from ncgen.solver.engines import acceleration_forms, capabilities, compiled
 from ncgen.solver.events.passage import Passage, check_events
 from ncgen.solver.groups import MotionArguments
 from ncgen.solver.positions.massless import check_mass
-from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
+from ncgen.solver.positions.negative_mass import doubtful, negative_instant, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
 from ncgen.solver.positions.rank import REMEMBERED, freedom_at, rank_at
 from ncgen.solver.runs.alarms import doubts
@@ -101,7 +101,7 @@ def _carry_out(
 
     Raises Interrupted with what was reached.
     """
-    check_mass(kernels, start.q, run.initial.t, start.p)
+    has_doubtful = kernels.remember("masses at starts", start, lambda: _check_masses(kernels, start, run.initial.t), REMEMBERED)
     rows = run.grid.plain if choice.method.has_fixed_step else run.grid.monitored  # other times would change the steps of these
     motion = _Motion(kernels=kernels, run=run, choice=choice, start=start, rows=rows, progress=progress, given_breaks=breaks)
     clock = _Stopwatch()
@@ -121,11 +121,17 @@ def _carry_out(
         warn(f"{kernels.name}: {motion.passage.rests}")
     if choice.method.is_constrained and motion.mobility[1]:
         warn(singular_message(kernels, freedom_at(kernels, start.q, run.initial.t, start.p)))
-    if negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p):
+    if has_doubtful and (negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p)):
         warn(f"{kernels.name}: {negative}")
     for doubt in doubts(trajectory, motion.inspected(), motion.tolerances, choice.method):
         warn(f"{kernels.name}: {doubt}")
     return trajectory
+
+
+def _check_masses(kernels: Kernels, start: Start, t: float) -> bool:
+    """Raise SingularError where the mass matrix at a start leaves a motion without inertia; whether it may on the way."""
+    check_mass(kernels, start.q, t, start.p)
+    return bool(doubtful(kernels))
 
 
 def _with_neighbours(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -146,6 +152,17 @@ class _Stopwatch:
         """Return the seconds of the run without preparation, and those of preparation."""
         preparation = preparation_seconds() - self._prepared
         return time.perf_counter() - self._begun - preparation, preparation
+
+
+class _Plan(NamedTuple):
+    """What runs of the same settings over the same times have in common.
+
+    form: of the state derivative in C; refused: why C cannot carry them out, or None; task: of which the numbers change
+    """
+
+    form: Form
+    refused: str | None
+    task: Task
 
 
 @dataclass(kw_only=True)
@@ -187,7 +204,7 @@ class _Motion:
     def advance(self) -> None:
         """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
         run, kernels = self.run, self.kernels
-        form, refused = self._way()
+        form, refused, _ = self._plan()
         if has_events(kernels.model):
             check_events(kernels, self.choice.method, run)
         needs_c = run.settings.engine in (COMPILED, "c", *EMITTED) or run.settings.number != "double"
@@ -232,15 +249,16 @@ class _Motion:
             t = self.times[max(0, min(end - 1, len(self.times) - 2)) :][:2]
             refuse_negative_ahead(self.kernels, self.path.q[-1], self.path.qd[-1], float(t[0]), float(t[-1] - t[0]), self.start.p)
 
-    def _way(self) -> tuple[Form, str | None]:
-        """What state derivative C is given, and why C cannot carry the run out, or None; found once for settings."""
-        settings, start = self.run.settings, self.start
+    def _plan(self) -> _Plan:
+        """What does not depend on the numbers of the run; found once for its settings, its grid and the mechanism."""
+        start, grid = self.start, self.run.grid
+        known = self.run.settings, self.choice, grid, self.kernels.effort, self.given_breaks is None
 
-        def find() -> tuple[Form, str | None]:
-            return self._form(), "asked for" if settings.engine == "python" else self._refusal()
+        def find() -> _Plan:
+            refused = "asked for" if self.run.settings.engine == "python" else self._refusal()
+            return _Plan(self._form(), refused, self._new_task())
 
-        known = settings, self.choice, self.kernels.effort
-        return find() if start.partitions else self.kernels.remember("ways of runs", known, find, CACHED)
+        return self.kernels.remember("plans", known, find, CACHED) if grid.is_shared and not start.partitions else find()
 
     def _form(self) -> Form:
         """What state derivative C is given: as named, else one that is emitted where there is one over all coordinates."""
@@ -316,26 +334,34 @@ class _Motion:
 
     def _task(self) -> Task:
         """What is asked of an engine."""
-        start, run, method = self.start, self.run, self.choice.method
-        velocities = start.qd if method.is_constrained else self._rates()
-        gives_way = stiff_choice(run.settings, self.choice, recurs=True) is not None
-        return Task(
-            method=method,
+        start, run, is_constrained = self.start, self.run, self.choice.method.is_constrained
+        return self._plan().task.begun(
             grid=self.times,
             q=start.q,
-            velocities=velocities,
+            velocities=start.qd if is_constrained else self._rates(),
             p=start.p,
-            max_step=run.settings.max_step,
-            tolerances=self.tolerances,
-            number=run.settings.number,
             stop=run.stop,
             progress=self.progress,
-            stop_when_stiff=gives_way,
             signals=run.signals,
             breaks=self.breaks,
             movable=self.rows.is_extra,
             jumps=self.jumps,
-            rank=self.mobility[0] if method.is_constrained and not len(self.path.q) else None,
+            rank=self.mobility[0] if is_constrained and not len(self.path.q) else None,
+        )
+
+    def _new_task(self) -> Task:
+        """The same without the numbers."""
+        run, start = self.run, self.start
+        return Task(
+            method=self.choice.method,
+            grid=run.grid.times,
+            q=start.q,
+            velocities=start.qd,
+            p=start.p,
+            max_step=run.settings.max_step,
+            tolerances=self.tolerances,
+            number=run.settings.number,
+            stop_when_stiff=stiff_choice(run.settings, self.choice, recurs=True) is not None,
             steps_to_rows=self.given_breaks is not None,
         )
 

@@ -171,13 +171,15 @@ class Run:
 def _initial(subject: Kernels | Model, values: Mapping[str, Any]) -> Initial:
     """The start in the arguments of a run; where that is the model's own, it is one object for equal arguments."""
     t0, z, closing = values["t0"], values["z"], values["closing"]
-    is_own = all(values[name] is None for name in ("q0", "zd0", "qd0", "p", "inputs"))  # inputs are put into the parameters
+    is_own = values["q0"] is values["zd0"] is values["qd0"] is values["p"] is values["inputs"] is None  # inputs are put into parameters
     is_key = type(t0) is type(closing) is float and (z is None or type(z) is str)
 
     def find() -> Initial:
         return Initial.from_arguments(subject, **{name: values[name] for name in START})
 
-    return subject.remember("own starts", (t0, z, closing), find, CACHED) if is_own and is_key and isinstance(subject, Kernels) else find()
+    return (
+        find() if not is_own or not is_key or isinstance(subject, Model) else subject.remember("own starts", (t0, z, closing), find, CACHED)
+    )
 
 
 @dataclass(frozen=True, eq=False)

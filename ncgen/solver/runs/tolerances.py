@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.mechanism.arguments import constant
-from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.runs.run import Run
 from ncgen.solver.runs.settings import CACHED, Settings
 
@@ -48,15 +46,7 @@ class Tolerances:
 
     def in_c(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
         """Arguments of a run in C whose velocities and positions have these natural sizes."""
-        return self._with_sizes(_state(velocities, positions) if self.natural else None)
-
-    def of_all_coordinates(self, kernels: Kernels) -> dict[str, Any]:
-        """The same of a run over all coordinates of a mechanism."""
-        sizes = kernels.column_sizes
-        return self._with_sizes(kernels.remember("sizes of a state", (), lambda: constant(_state(sizes, sizes))) if self.natural else None)
-
-    def _with_sizes(self, sizes: np.ndarray | None) -> dict[str, Any]:
-        return {"rtol": self.rtol, "atol": self.atol, "span": self.span, "sizes": sizes}
+        return {"rtol": self.rtol, "atol": self.atol, "span": self.span, "sizes": _state(velocities, positions) if self.natural else None}
 
     def for_scipy(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
         """Arguments of SciPy's solvers for a state of velocities and positions of these natural sizes, and the work."""

@@ -50,9 +50,9 @@ def drift(kernels: Kernels, instants: Instants, p: np.ndarray, unseen: float = 0
     energies_of_run = energies(kernels, t, q, qd, p)
     each = energies_of_run.tolist()
     totals = [kinetic + potential - done for (kinetic, potential, _), done in zip(each, work.tolist(), strict=True)]
-    error = max(abs(total - totals[0]) for total in totals)
+    error = max(max(totals) - totals[0], totals[0] - min(totals))
     is_finite = math.isfinite(sum(totals))  # else nobody knows which of them is the largest
-    if is_finite and (error <= ROUNDING * abs(totals[0]) or error < limit * max(kinetic for kinetic, _, _ in each)):
+    if is_finite and (error <= ROUNDING * abs(totals[0]) or error < limit * max(each)[0]):
         return 0.0
     kinetic, potential = energies_of_run[:, 0], energies_of_run[:, 1]
     least = _least(kernels, t[0], q[0], p)
