@@ -98,13 +98,18 @@ class CompiledKernels(Kernels):
             raise self._failed(kernel, status)
         return result.copy()
 
-    def _called_at(self, kernel: str, instants: tuple[np.ndarray, np.ndarray, np.ndarray], p: np.ndarray, size: int) -> np.ndarray:
-        function, n, ffi, times = self.function(kernel), len(self.coordinates), self._ffi, instants[0].tolist()
+    def _called_at(
+        self, kernel: str, instants: tuple[np.ndarray, np.ndarray, np.ndarray], p: np.ndarray, rows: list[int] | None
+    ) -> np.ndarray:
+        function, n, ffi, count = self.function(kernel), len(self.coordinates), self._ffi, len(instants[0])
+        if rows is None:
+            rows = [*range(count)]
+        size, times = self.programs.programs[kernel].size, instants[0].take(rows).tolist()
         q, qd = np.ascontiguousarray(instants[1], dtype=float), np.ascontiguousarray(instants[2], dtype=float)
-        out, count, parameters = np.empty((len(times), size)), len(times) * n, pointer(ffi, p, count=len(self.p0))
-        at, rates, to = pointer(ffi, q, count=count), pointer(ffi, qd, count=count), pointer(ffi, out)
-        for i, t in enumerate(times):
-            if status := function(t, at + i * n, rates + i * n, parameters, to + i * size):
+        out, parameters = np.empty((len(rows), size)), pointer(ffi, p, count=len(self.p0))
+        at, rates, to = pointer(ffi, q, count=count * n), pointer(ffi, qd, count=count * n), pointer(ffi, out)
+        for i, (t, row) in enumerate(zip(times, rows, strict=True)):
+            if status := function(t, at + row * n, rates + row * n, parameters, to + i * size):
                 raise self._failed(kernel, status)
         return out
 

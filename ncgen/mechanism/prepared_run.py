@@ -82,7 +82,7 @@ class PreparedRun:
                 statistics, space.numbers(size), space.integers,
             )  # fmt: skip
             raised = space.listener.raised or influences.raised
-            return rows.outcome(space.rows[0], "interrupted" if raised else STATUS[status], statistics, raised, influences.crossed)
+            return Outcome(rows, space.rows[0], "interrupted" if raised else STATUS[status], statistics, raised, influences.crossed)
         finally:
             where.spaces.give_back(space)
 

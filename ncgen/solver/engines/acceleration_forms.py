@@ -41,10 +41,11 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
         every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
     integrator: for which the runtime is compiled at the same time
     """
-    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-    from ncgen.mechanism.runtime_library import part_for
 
     def made() -> ConstrainedDynamics:
+        from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+        from ncgen.mechanism.runtime_library import part_for
+
         samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
         tree = _tree_with_loops(kernels) if form == "tree" else None
         component = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)

@@ -35,7 +35,7 @@ from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.energy import Instants
-from ncgen.solver.trajectories.grid_motion import Statistics
+from ncgen.solver.trajectories.grid_motion import Statistics, made
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.preparation import preparation_seconds
 
@@ -369,7 +369,7 @@ class _Motion:
         """Velocities of the independent coordinates at the start."""
         return self.start.qd[determined(self.path.partitions).velocity.independent]
 
-    def _rows(self) -> tuple[np.ndarray, np.ndarray, list[int] | slice]:
+    def _rows(self) -> tuple[np.ndarray, np.ndarray, list[int] | None]:
         """Times of the path's rows, and the numbers of those that were asked for, and of those at which the energy is looked at."""
         path, reached = self.path, len(self.path.q)
         if path.stopped is None and reached == len(self.times):
@@ -385,11 +385,11 @@ class _Motion:
         times, _, rows = self._rows()
         if len(self.jumps):
             times = outside_breaks(self.breaks, times)  # a row at a jump is of the time before it
-        elif isinstance(rows, list):
-            known = dict(zip(times[rows].tolist(), rows, strict=True))  # rows that C moved to the same end of a step are the same
+        elif rows is not None:
+            known = dict(zip(times.take(rows).tolist(), rows, strict=True))  # rows that C moved to the same end of a step are the same
             rows = [*known.values()]
         path = self.path
-        return Instants(times[rows], path.q[rows], path.qd[rows], path.work[rows])
+        return Instants(times, path.q, path.qd, path.work, rows)
 
     def trajectory(self, clock: _Stopwatch) -> Trajectory:
         """The motion at the instants that were asked for, as far as it came."""
@@ -397,7 +397,8 @@ class _Motion:
         times, wanted, _ = self._rows()
         steps, evaluations, newton_steps, changes, repeated = path.counts.tolist()
         seconds, preparation = clock.read()
-        spent = Statistics(
+        spent = made(
+            Statistics,
             steps=steps,
             evaluations=evaluations,
             newton_steps=newton_steps,
@@ -412,7 +413,8 @@ class _Motion:
         )
         kernels = self.passage.driving(self.kernels, self.start.p)
         modes = tuple(replace(each, kernels=self.passage.driving(each.kernels, self.start.p)) for each in self.passage.modes)
-        return Trajectory(
+        return made(
+            Trajectory,
             kernels=kernels,
             t=times.take(wanted),
             q=path.q.take(wanted, axis=0),

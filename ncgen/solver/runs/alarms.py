@@ -70,7 +70,7 @@ def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: 
 
 def _violation(run: Trajectory, instants: Instants) -> float:
     """The largest relative residual of the constraints at some instants."""
-    return float(replace(run, **instants._asdict()).violation().max())
+    return float(replace(run, t=instants.t, q=instants.q, qd=instants.qd, work=instants.work).violation().max())
 
 
 def _contradiction(run: Trajectory, instants: Instants) -> list[str]:

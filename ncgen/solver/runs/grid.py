@@ -52,10 +52,10 @@ class Rows:
         return np.flatnonzero(~self.is_extra)
 
     @cached_property
-    def looked_at(self) -> list[int] | slice:
-        """Numbers of the rows at which the energy is looked at; all where there are none for it alone."""
+    def looked_at(self) -> list[int] | None:
+        """Numbers of the rows at which the energy is looked at; None for all, where there are none for it alone."""
         extra = np.flatnonzero(self.is_extra).tolist()
-        return sorted({0, *extra, len(self.times) - 1}) if extra else slice(None)
+        return sorted({0, *extra, len(self.times) - 1}) if extra else None
 
 
 class Grid:
