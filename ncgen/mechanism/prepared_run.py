@@ -68,7 +68,7 @@ class PreparedRun:
         try:
             options, dynamics = space.with_options(self._options), space.dynamics
             space.put(*start)
-            dynamics[0] = where.in_c(self._takes_tangents)[0]
+            where.describe(dynamics, self._takes_tangents)
             if rank is not None:
                 dynamics.n_dependent = rank
             if movable is not None:

@@ -57,7 +57,6 @@ class Dynamics:
         self._external = kernels.remember("external forces", (), lambda: ExternalForces(kernels)) if kernels.model.callbacks else None
         if self._external:
             self._dynamics.external = self._external.function
-        self._in_c: dict[bool, InC] = {}
         self.called = [each for each in (self._external, in_python(kernels)) if each]
         self.has_rolling = len(kernels.holonomic) < kernels.m
         if self.has_rolling:
@@ -119,16 +118,13 @@ class Dynamics:
     _positions = 0
     """Independent coordinates of the positions, where they are others than those of the velocities."""
 
-    def in_c(self, with_tangents: bool) -> InC:
-        """The ncgen_dynamics of runs that take tangents, or of those that do not; nobody writes to it."""
-        if with_tangents not in self._in_c:
-            if with_tangents:
-                self._take_tangents()
-            made = self._ffi.new("ncgen_dynamics *", self._dynamics[0])
-            if not with_tangents:
-                made.tangents = self._ffi.NULL
-            self._in_c[with_tangents] = made
-        return self._in_c[with_tangents]
+    def describe(self, struct: InC, with_tangents: bool) -> None:
+        """Let an ncgen_dynamics be that of a run which takes tangents, or of one that does not."""
+        if with_tangents:
+            self._take_tangents()
+        struct[0] = self._dynamics[0]
+        if not with_tangents:
+            struct.tangents = self._ffi.NULL
 
     @property
     def _eliminated(self) -> int:
