@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from ncgen.mechanism.arguments import pointer
@@ -83,6 +85,12 @@ class Outcome:
         """Position, velocities and work of the last state."""
         states = self._rows.states
         return states[0, -1].copy(), states[1, -1].copy(), float(self._rows.work[-1])
+
+    def with_rows(self, **rows: np.ndarray) -> Outcome:
+        """The same with other t, q, qd and work."""
+        other = copy(self)
+        vars(other).update(rows)
+        return other
 
     def completed(self) -> Outcome:
         """This outcome, unless something was raised while the run went on: that is raised now."""

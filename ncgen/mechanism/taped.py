@@ -269,7 +269,7 @@ class Segmented:
             q, qd, _ = segment.outcome.last
             initial = replace(initial, q=q, velocities=qd)
         rows = {name: np.concatenate([getattr(segment, name)[k > 0 :] for k, segment in enumerate(parts)]) for name in ("q", "qd", "work")}
-        self.outcome = replace(parts[-1], **rows)
+        self.outcome = parts[-1].with_rows(**rows)
 
     @cached_property
     def _first(self) -> Taped:

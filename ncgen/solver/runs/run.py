@@ -6,7 +6,7 @@ build it like `simulate` does, and refuse in the same words.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Unpack
@@ -66,7 +66,7 @@ class Initial:
     closing: float = CONSISTENT_RESIDUAL
 
     @cached_property
-    def key(self) -> tuple[Hashable, ...]:
+    def key(self) -> tuple[Any, ...]:
         """What tells it from other starts of the mechanism."""
         rates = (each.tobytes() if isinstance(each, np.ndarray) else each and tuple(each.items()) for each in (self.zd, self.qd))
         return self.q.tobytes(), self.p.tobytes(), self.t, self.z, self.closing, *rates

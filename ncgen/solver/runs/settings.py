@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from numbers import Integral
@@ -71,11 +71,11 @@ class Settings:
         *values, options = [arguments[name] for name in _NAMES]
         items = None if options is None else tuple((k, type(v), v) for k, v in options.items()) if type(options) is dict else ...
         if items is ... or type(values[0]) is not str:
-            return _checked(*values, options)
+            return _checked(values, options)
         try:
             return _cached(*values, items)
         except TypeError:  # something is no key of a cache
-            return _checked(*values, options)
+            return _checked(values, options)
 
     @property
     def has_fixed_step(self) -> bool:
@@ -102,9 +102,8 @@ _NAMES = tuple(MethodArguments.__annotations__)
 """The options are the last of them."""
 
 
-def _checked(
-    formalism: str | OwnFormalism, integrator: str, rtol: object, atol: object, max_step: Any, engine: str, number: str, options: Any
-) -> Settings:  # fmt: skip
+def _checked(values: Sequence[Any], options: Any) -> Settings:
+    formalism, integrator, rtol, atol, max_step, engine, number = values
     one, other = _entries(formalism, integrator, options)
     unlimited = max_step is None or (is_real(max_step) and max_step == np.inf)
     settings = Settings(
@@ -125,7 +124,7 @@ def _checked(
 def _cached(*values: Any) -> Settings:
     """The same of arguments that a cache can compare; the options (name, type, value) each."""
     *others, items = values
-    return _checked(*others, None if items is None else {name: value for name, _, value in items})
+    return _checked(others, None if items is None else {name: value for name, _, value in items})
 
 
 # -- single numbers and words --------------------------------------------------------------------------------------------------------------
