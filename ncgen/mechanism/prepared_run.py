@@ -13,7 +13,7 @@ from ncgen.mechanism.conditions_in_c import Conditions, Watched
 from ncgen.mechanism.driving import Driver
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.run_arguments import NO_INPUTS, UNWATCHED_RUN, InitialState, Monitor, RunInputs
-from ncgen.mechanism.run_rows import Outcome, Rows
+from ncgen.mechanism.run_rows import Outcome, RunRows
 from ncgen.mechanism.runtime_library import interface_of, part_for, runtime_of
 from ncgen.methods.table import INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC
@@ -62,7 +62,7 @@ class PreparedRun:
         """
         ffi, number, library, where = self._ffi, self._dynamics.number, self._library, self._dynamics
         times = np.ascontiguousarray(times, dtype=number.dtype)
-        rows, start = Rows(ffi, number, times, self._n), self._laid(initial)
+        rows, start = RunRows(ffi, number, times, self._n), self._laid(initial)
         influences = _Influences(where, library, inputs, monitor.conditions)
         space = where.spaces.take(monitor.progress)
         try:

@@ -10,7 +10,7 @@ from ncgen.mechanism.arguments import pointer
 from ncgen.toolchain.abi import InC, Interface, Number
 
 
-class Rows:
+class RunRows:
     """Room for K rows of n coordinates and for the last state, behind them.
 
     work (K + 1,), states (2, K + 1, n): positions and velocities, once they are doubles
@@ -41,7 +41,7 @@ class Outcome:
     """
 
     def __init__(
-        self, rows: Rows, done: int, status: str, statistics: InC, raised: BaseException | None, crossed: tuple[int, ...]
+        self, rows: RunRows, done: int, status: str, statistics: InC, raised: BaseException | None, crossed: tuple[int, ...]
     ) -> None:  # fmt: skip
         """done: how many rows C wrote; statistics: an ncgen_statistics"""
         rows.as_doubles()

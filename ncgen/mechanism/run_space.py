@@ -18,7 +18,7 @@ MAX_KEPT_NUMBERS = 2**17
 """Numbers of a workspace that is kept for later runs, 1 MiB of doubles; a run with more takes so long that new memory costs nothing."""
 
 
-class Sizes(NamedTuple):
+class SpaceSizes(NamedTuple):
     """Of one state derivative: parameters, coordinates, whole numbers of a workspace, and unknowns that a stage eliminates."""
 
     n_parameters: int
@@ -34,7 +34,7 @@ class RunSpace:
     start: where C reads parameters, position and velocities; listener: whom the options call
     """
 
-    def __init__(self, ffi: Interface, number: Number, sizes: Sizes) -> None:
+    def __init__(self, ffi: Interface, number: Number, sizes: SpaceSizes) -> None:
         self._ffi, self._number = ffi, number
         self.options: InC = ffi.new("ncgen_options *")
         self.dynamics: InC = ffi.new("ncgen_dynamics *")
@@ -75,7 +75,7 @@ class RunSpace:
 class RunSpaces:
     """Those of one state derivative that no run has at the moment."""
 
-    def __init__(self, ffi: Interface, number: Number, sizes: Sizes) -> None:
+    def __init__(self, ffi: Interface, number: Number, sizes: SpaceSizes) -> None:
         self._arguments, self._free = (ffi, number, sizes), list[RunSpace]()
 
     def take(self, progress: Callable[[float], None] | None) -> RunSpace:

@@ -26,7 +26,7 @@ from ncgen.mechanism.prepared_run import PreparedRun
 from ncgen.mechanism.properties import uses_tangents
 from ncgen.mechanism.run_arguments import InitialState
 from ncgen.mechanism.run_rows import Outcome
-from ncgen.mechanism.run_space import RunSpaces, Sizes
+from ncgen.mechanism.run_space import RunSpaces, SpaceSizes
 from ncgen.mechanism.runtime_library import Recursion, interface_of, load_with_headers, model_in, runtime_of
 from ncgen.methods.table import FORMALISMS, number_in_c
 from ncgen.program.programs import Split
@@ -138,7 +138,7 @@ class Dynamics:
     @cached_property
     def spaces(self) -> RunSpaces:
         """What runs that go on at the same time have to themselves."""
-        sizes = Sizes(len(self.kernels.p0), self.kernels.n, self._n_integers, self._eliminated)
+        sizes = SpaceSizes(len(self.kernels.p0), self.kernels.n, self._n_integers, self._eliminated)
         return RunSpaces(self._ffi, self.number, sizes)
 
     @property

@@ -37,7 +37,7 @@ rests at all instants of the grid does not rest at these. A run in C without oth
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class RunTimes:
     """Times (K,) of a run in s, and a mask of those that were not asked for: where its energy is looked at.
 
     Nobody writes to them; of equal grids they are the same.
@@ -73,18 +73,18 @@ class Grid:
         return float(self.times[-1] - self.times[0])
 
     @cached_property
-    def plain(self) -> Rows:
+    def plain(self) -> RunTimes:
         """The times themselves."""
-        return Rows(self.times, constant(np.zeros(len(self.times), dtype=bool)))
+        return RunTimes(self.times, constant(np.zeros(len(self.times), dtype=bool)))
 
     @cached_property
-    def monitored(self) -> Rows:
+    def monitored(self) -> RunTimes:
         """The times, and between them those at which the energy is looked at."""
         times, extra = self.times, self.times[0] + SAMPLE_FRACTIONS * self.duration
         extra = extra[times[np.searchsorted(times, extra)] != extra]
         both = np.concatenate([times, extra])
         order = np.argsort(both, kind="stable")
-        return Rows(constant(both[order]), constant(order >= len(times)))
+        return RunTimes(constant(both[order]), constant(order >= len(times)))
 
 
 def grid_of(start: float, length: float, points: Any, n: int) -> Grid:

@@ -32,7 +32,7 @@ VELOCITY_ROUNDING = 1e-140
 """Velocities (sizes of the mechanism per second) below this are what projections leave of 0: their squares are no normal numbers."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Start:
     """A closed position q (n,) and velocities qd (n,) that the constraints allow; p (n_p,) with the paper rows' choice made there.
 
@@ -79,7 +79,7 @@ def _begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
         partitions = _partitions(kernels, q, p, initial, needed)
     qd, contradiction = _velocity(kernels, partitions, initial, q, p, driven)
     warnings = tuple(message for message in (_moved(kernels, initial.q, q), contradiction) if message)
-    return Start(constant(q), constant(np.array(qd)), constant(np.array(p)), partitions, warnings)
+    return Start(q=constant(q), qd=constant(np.array(qd)), p=constant(np.array(p)), partitions=partitions, warnings=warnings)
 
 
 def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:
