@@ -16,7 +16,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_check import serves
 from ncgen.mechanism.motion_sources import Seen, filled_motion, motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
-from ncgen.mechanism.recall import Files, derived
+from ncgen.mechanism.recall import Files, shared
 from ncgen.mechanism.run_arguments import InitialState
 from ncgen.mechanism.runtime import Dynamics, Outcome
 from ncgen.mechanism.runtime_library import Part, compiling_thread, load_with_headers, runtime_of
@@ -156,13 +156,14 @@ def _loaded_motion(kernels: Kernels, number: str, source: FilledSources) -> tupl
 
 
 def _plan(kernels: Kernels, rows_first: bool) -> Elimination:
-    """How the matrix is factored; of a large one from the cache, or made now."""
+    """How the matrix is factored; of a large one from the cache, where it serves all models with these patterns, or made now."""
 
     def made() -> Elimination:
         return plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first)
 
     if kernels.n + kernels.m < MIN_CACHED_UNKNOWNS:
         return made()
-    members = derived(kernels.programs, f"elimination {'rows' if rows_first else 'coordinates'} first", lambda: vars(made()))
+    patterns = [vars(pattern)[name] for pattern in (kernels.mass_pattern, kernels.phi_q_pattern) for name in ("shape", "indptr", "indices")]
+    members = shared(f"elimination {'rows' if rows_first else 'coordinates'} first of {patterns}", lambda: vars(made()))
     arrays: dict[str, Any] = {name: tuple(members[name]) for name in Elimination.ARRAYS}
     return Elimination(**members | arrays)

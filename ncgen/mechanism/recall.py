@@ -44,6 +44,9 @@ OPERATIONS, TRACED = "operations", "traced"
 JSON_TYPES = (float, int, type(None))
 """What stands for an operation without arguments as JSON can say it."""
 
+JSON_NUMBERS = (int, float)
+"""What long lists are of, as they are."""
+
 
 def key(model: Model, emission: str) -> str | None:
     """What the sources of a model are kept under; None for a model that cannot be told from others."""
@@ -157,7 +160,7 @@ def _operations(parts: list[Any], number: Callable[[int], float]) -> tuple[Op, .
 def _restored(data: Any, number: Callable[[int], float] = float) -> Any:
     """What `_plain` made plain. number: gives a traced number by its operation."""
     if isinstance(data, list):
-        return tuple([_restored(member, number) for member in data])
+        return tuple([member if member.__class__ in JSON_NUMBERS else _restored(member, number) for member in data])
     if isinstance(data, dict):
         ((name, parts),) = data.items()
         if name == OPERATIONS:

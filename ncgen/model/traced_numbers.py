@@ -11,7 +11,7 @@ import operator
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, SupportsFloat, TypeAlias
 
 GIVEN, CONSTANT = "given", "constant"
 """Codes of the operations without operands: a number of the model, by its position, and any other one."""
@@ -117,7 +117,7 @@ def unit_near(number: float) -> float | None:
     return next((unit for unit in (0.0, 1.0, -1.0) if abs(number - unit) <= (ROUNDING if unit else 0.0)), None)
 
 
-def folded(value: float) -> float:
+def folded(value: SupportsFloat) -> float:
     """A number, or 0, 1 or −1 where it is that and simplifies what it meets; of a traced number the comparison is recorded, and 1 is what
     differs from it by rounding."""
     unit = unit_near(float(value))

@@ -7,14 +7,14 @@ equations and programs that know what each constant was computed from.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ncgen.model import Model
 from ncgen.model.catalogue import RowType
-from ncgen.model.digest import NOT_IN_EQUATIONS
+from ncgen.model.digest import NOT_IN_EQUATIONS, names_of_fields
 from ncgen.model.expressions import is_symbolic
 from ncgen.model.traced_numbers import Trace, Traced, unit_near
 from ncgen.symbolic.inertia import StandardInertia, standard_inertia, take_standard
@@ -87,11 +87,16 @@ class _Walk:
             self.words.append(f"{link.body.name} on {link.parent}: {axes}")
 
     def _copy(self, value: Any) -> Any:
-        if isinstance(value, (float, np.floating)):
-            return self._float(float(value))
-        if value is None or isinstance(value, (bool, str, int, np.integer)):
+        kind = value.__class__
+        if kind is float:
+            return self._float(value)
+        if kind is str or value is None or isinstance(value, (bool, str, int, np.integer)):
             self.words.append(repr(value))
             return value
+        if kind in (tuple, list, dict) or isinstance(value, (list, tuple, dict)):
+            return self._collection(value)
+        if isinstance(value, (float, np.floating)):
+            return self._float(float(value))
         if isinstance(value, RowType):
             self.words.append(value.key)
             return value
@@ -99,8 +104,6 @@ class _Walk:
             self.words.append(str(value.shape))
             self._copy(value.ravel().tolist() if value.dtype != object else list(value.flat))
             return value
-        if isinstance(value, (list, tuple, dict)):
-            return self._collection(value)
         if is_dataclass(value):
             return self._object(value)
         if is_symbolic(value):
@@ -139,8 +142,8 @@ class _Walk:
         copy = object.__new__(type(value))
         self._copies[id(value)] = len(self._copies), copy, value
         self.words.append(type(value).__name__)
-        for field in fields(value):
-            object.__setattr__(copy, field.name, self._copy(getattr(value, field.name)))
+        for name in names_of_fields(type(value)):
+            object.__setattr__(copy, name, self._copy(getattr(value, name)))
         return copy
 
     def _inertia(self, standard: StandardInertia) -> StandardInertia:

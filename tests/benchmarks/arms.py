@@ -23,7 +23,7 @@ import mpmath
 import numpy as np
 
 import ncgen
-from benchmarks.exact_motion import exact_motion
+from benchmarks.exact_motion import exact_motion, moved
 from benchmarks.rivals import articulated, mujoco, pinocchio
 from ncgen.comparisons.batches import STATES
 from ncgen.comparisons.rivals import relative_error
@@ -149,10 +149,10 @@ def posture(count: int, seed: int | None = None) -> Posture:
     emitted = dynamics(kernels, partitions, "emitted", start, kernels.p0)
     programs = emitted.written.programs
     rates = SPEED * rng.uniform(-1, 1, count)
-    start = start.copy()
-    start[list(split.independent)] += REACH * rng.uniform(-1, 1, count)
+    moves = REACH * rng.uniform(-1, 1, count)
     with mpmath.workdps(DIGITS):
-        q, zd = ([mpmath.mpf(float(x)) for x in numbers] for numbers in (start, rates))
+        q, zd, by = ([mpmath.mpf(float(x)) for x in numbers] for numbers in (start, rates, moves))
+        q = moved(programs, q, list(split.independent), by, kernels.p0)
         found = exact_motion(programs, q, zd, kernels.p0)
         expected = np.array([float(x) for x in found[kernels.n : -2]])
     return Posture(kernels, emitted, split, np.array([float(x) for x in q]), rates, expected, (count, seed))

@@ -51,8 +51,7 @@ static int is_limited_by_stability(const ncgen_run *r, const ncgen_stepping *w, 
 /* Would an implicit method from here on solve for the degrees of freedom alone, and is there far to go? */
 static int can_switch_to_implicit(const ncgen_run *r, ncgen_scalar h)
 {
-    const int is_cheap = r->options->stop_when_stiff && r->constrained && r->constrained->is_recursive && !r->dynamics->rolling &&
-                         !(r->dynamics->tree && r->dynamics->tree->n_closing);
+    const int is_cheap = r->options->stop_when_stiff && r->constrained && r->constrained->is_recursive && !r->dynamics->rolling;
     return is_cheap && r->times[r->n_times - 1] - r->start_t > implicit_cost * h;
 }
 

@@ -85,7 +85,7 @@ static void begin_screw(ncgen_tree_work *w, int k)
     own->leader = tree->leader[k];
     own->coordinate = tree->meter[k] >= 0 ? tree->measured[2 * tree->meter[k]] : -1;
     own->ratio = tree->ratio[k];
-    own->slowness = tree->meter[k] >= 0 ? 1 / tree->ratios[tree->meter[k]] : 0;
+    own->slowness = tree->meter[k] >= 0 ? 1 / tree->ratios[tree->meter[k]] : 1;
     own->weight = tree->weights[tree->term_start[k]];
     for (int i = 0; i < 3; ++i)
         own->c[i] = tree->terms[3 * tree->term_start[k] + i];

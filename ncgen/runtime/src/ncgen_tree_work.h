@@ -51,7 +51,7 @@ typedef struct ncgen_tree_screw {
     int coordinate;              /* the measured one that gives its rate; -1: elements do */
     ncgen_scalar weight;         /* of the first term */
     ncgen_scalar is_carried;     /* 1: its axis turns with the parent; else 0 */
-    ncgen_scalar ratio, slowness; /* its rate over that of its leader; over that of the coordinate */
+    ncgen_scalar ratio, slowness; /* its rate over that of its leader; over that of the coordinate, 1 without one */
     ncgen_real axis[3];
     ncgen_real momentum[6]; /* at rate 1 */
     ncgen_real pivot;       /* 1 / (screw . momentum) */

@@ -11,7 +11,7 @@ from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.open_tree import KnownTree, known_tree, why_no_tables
+from ncgen.solver.positions.open_tree import KnownTree, known_tree, tree_of, why_no_tables
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.choice import Choice, choose
 from ncgen.solver.runs.run import COMPILED, Form, Run
@@ -78,13 +78,7 @@ def _form_of(kernels: Kernels, method: Method) -> Form:
         return "tree"
     if _is_recursive(kernels, method):
         return "emitted"
-    return "tree" if _may_recur(kernels, method) and (known_tree(kernels) or _closes_loops(kernels, method)) else "dense"
-
-
-def _closes_loops(kernels: Kernels, method: Method) -> bool:
-    """True for a tree with loops that moves in loops over tables: by an explicit method, since stiff ones need the degrees of freedom that
-    loops leave."""
-    return not method.integrator.takes_jacobian and _tree_with_loops(kernels) is not None
+    return "tree" if _may_recur(kernels, method) and _tree_with_loops(kernels) else "dense"
 
 
 def _tree_with_loops(kernels: Kernels) -> KnownTree | None:
@@ -103,9 +97,8 @@ def why_matrix(kernels: Kernels, method: Method) -> str:
     """Why a tree of bodies that is too large to be emitted takes accelerations from the factored matrix; empty where it does not."""
     if not _may_recur(kernels, method) or _has_few_rates(kernels, least=0):
         return ""
-    if reason := why_no_tables(kernels):
-        return f"the matrix, since {reason}"
-    return "" if known_tree(kernels) or _closes_loops(kernels, method) else "the matrix, since loops leave implicit methods no tables"
+    reason = why_no_tables(kernels)
+    return f"the matrix, since {reason}" if reason else ""
 
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:
@@ -141,7 +134,7 @@ def _has_few_rates(kernels: Kernels, most: int | None = None, least: int = 1) ->
 
     least, most: rates (default: MOST_RATES)
     """
-    freedoms = kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).dof)
+    freedoms = tree_of(kernels).dof
     return least <= freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
 
 

@@ -16,6 +16,7 @@ from ncgen.solver.argument_checks import ArrayOrNamed, checked_kernels, count
 from ncgen.solver.batch_rows import WITH_ROWS, has_rows, refuse_batch_options, states_of
 from ncgen.solver.groups import MotionArguments, OneMotion, OneStart, OneState, StartArguments, takes, without_unused
 from ncgen.solver.runs.progress_reports import ProgressOption
+from ncgen.toolchain.undisturbed import undisturbed
 
 if TYPE_CHECKING:
     from ncgen.solver.motions.batch import BatchAccelerations, BatchTrajectory, StateAccelerations
@@ -111,7 +112,8 @@ def simulate(
         Where the energy of the result says that it cannot be right, and where another formalism would be many times faster.
     """
     if not has_rows(arguments):
-        from ncgen.solver.motions.simulate import simulate_one
+        with undisturbed():
+            from ncgen.solver.motions.simulate import simulate_one
 
         refuse_batch_options("simulate", threads=threads)
         return simulate_one(kernels, duration, points=101 if points is None else points, stop=stop, progress=progress, **arguments)

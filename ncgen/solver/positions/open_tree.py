@@ -13,7 +13,7 @@ from ncgen.program.tree.couplings import NoTables
 from ncgen.program.tree.table_layout import TreeTables, tables_of
 from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPosition
 from ncgen.solver.positions.described_position import found_in_described
-from ncgen.symbolic.tree import spanning_tree
+from ncgen.symbolic.tree import Tree, spanning_tree
 
 PARAMETER_PERTURBATION = 0.03
 """By which share of theirs other parameters differ."""
@@ -71,6 +71,11 @@ def is_open_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bo
     return tree is not None and tree.is_regular(_look(kernels, p, q, t))
 
 
+def tree_of(kernels: Kernels) -> Tree:
+    """The spanning tree of a mechanism's bodies."""
+    return kernels.remember("spanning tree", (), lambda: spanning_tree(kernels.model))
+
+
 def _known(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
     return kernels.remember("tree with loops" if closes_loops else "open tree", (), lambda: _made(kernels, closes_loops))
 
@@ -88,7 +93,7 @@ def _made(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
         )
     around = Around(kernels.q0, [partial(_look, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
     try:
-        tree = spanning_tree(kernels.model, closes_loops_last=closes_loops)
+        tree = spanning_tree(kernels.model, closes_loops_last=True) if closes_loops else tree_of(kernels)
         return OpenTree(
             kernels.programs.equations, tree, (kernels.mass_pattern, kernels.phi_q_pattern), around, kernels.model.parameters, closes_loops
         )

@@ -42,6 +42,9 @@ MIN_CACHED_ROWS = 8
 """Rows from which on the degrees of freedom in the position that a model describes are kept in the cache: finding them takes longer, and a
 process that reads them imports no random numbers."""
 
+MIN_TREE_ROWS = 100
+"""Rows from which on the joints of an open tree tell the rank: with as many it moves in loops over its tables, which are known then."""
+
 ROWS_AT_ONCE = 64
 """Rows whose parts outside a basis are computed by products of matrices, which reach the basis once for all of them."""
 
@@ -189,7 +192,7 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
 def rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[int, bool]:
     """The rank of Φ_q, and whether q is a singular position. A large open tree has none of these, and its joints tell the rank; which rows
     others imply is not looked for."""
-    if kernels.m >= DENSE and (tree := known_tree(kernels)):
+    if kernels.m >= MIN_TREE_ROWS and (tree := known_tree(kernels)):
         return kernels.n - tree.freedoms, False
     mobility = freedom_at(kernels, q, t, p)
     return mobility.rank, mobility.is_singular
