@@ -79,8 +79,8 @@ def assemble_closed_positions(
 def _angles_of_hinges(equations: Terms, tree: Tree, split: Split) -> Split:
     """The angles of an open tree's hinges as independent coordinates, in place of others that determine as much."""
     angles = {e.components[0] for e in equations.model.elements.values() if isinstance(e, Angle)}
-    found = Split(rows=(), dependent=(), independent=tuple(c for c, component in enumerate(equations.free) if component in angles))
-    hinges = {equations.index[_hinge(equations, tree, link, found).angle.components[0]] for link in tree.links}
+    candidates = Split(rows=(), dependent=(), independent=tuple(c for c, component in enumerate(equations.free) if component in angles))
+    hinges = {equations.index[_hinge(equations, tree, link, candidates).angle.components[0]] for link in tree.links}
     if len(hinges) != len(split.independent):
         raise NoRecursion("not every independent coordinate is a hinge's angle")
     others = tuple(c for c in range(len(equations.free)) if c not in hinges)
