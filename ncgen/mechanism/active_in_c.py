@@ -93,6 +93,15 @@ class Active:
         return int(self._library.ncgen_slip_of(self._struct, number, int(slip), int(side)))
 
 
+def direction_of(kind: Kind, held: bool, touches: bool, slip: int, direction: int) -> int:
+    """The direction in which the condition of something that may be held is watched.
+
+    touches: of a contact; slip: the direction in which a joint does; direction: that of the condition
+    """
+    library = runtime_of("double", "events")
+    return int(library.ncgen_way_of(getattr(library, kind), held, touches, slip, direction))
+
+
 def is_still(velocity: float, terms: float, drift: float = 0.0) -> bool:
     """Whether something does not move, but for rounding, whose velocity consists of terms and a drift."""
     return bool(runtime_of("double", "events").ncgen_is_still(velocity, terms, drift))

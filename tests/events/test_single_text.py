@@ -26,6 +26,7 @@ RULES = {
     "what a contact at rest is compared with": (r"rest = r?\(?1\.?0?e-11", ""),
     "what has become of what was held": (r"ncgen_turns|joints\[\d", "ncgen_active.c ncgen_event_table.h"),
     "how a contact slides": (r"gaps\[k\] not in wanted|slides && |ncgen_slides_on;|ncgen_slides_on :", "ncgen_active.c"),
+    "direction that is watched": (r"-slip : direction|-int\(p\[self\.place|slip\] < 0 \?", "ncgen_active.c"),
     "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
 }
 """{rule: words that its text has, the file that has it, or two; none where C receives it from the model}"""

@@ -139,7 +139,7 @@ def test_radau_with_dampers_of_hinges_moves_by_tables(monkeypatch, tree, damping
 
 @pytest.mark.parametrize("seed", [5, 14, 55])
 def test_where_closing_rows_depend_on_each_other_others_take_their_place(monkeypatch, seed):
-    """Rows that were independent of each other in the first position are not in one on the way, though the rank stays: with these alone, 95,
+    """Rows independent of each other in the first position are not so in one on the way, though the rank stays: with these alone, 95,
     15 and 36 evaluations were made by the matrix."""
     for limit in ("FEW_RATES", "MOST_RATES"):
         monkeypatch.setattr(acceleration_forms, limit, 0)

@@ -16,7 +16,7 @@ extern "C" {
  * nonzeros of mass and phi_q together, those of the elimination's factor, whether rows are redundant, the width of the method's
  * tableau, and parameters with what is prepared of them, 0 where nothing is. */
 #define NCGEN_DRIVEN_WORKSPACE(n, m, nonzeros, factor, redundant, width, p_copy) \
-    ((p_copy) + 17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 1) + (nonzeros) + (factor) + (redundant) * ((n) * (m) + 4 * ((n) + (m))))
+    (NCGEN_GAPS + (p_copy) + 17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 1) + (nonzeros) + (factor) + (redundant) * ((n) * (m) + 4 * ((n) + (m))))
 
 /* begin cdef */
 

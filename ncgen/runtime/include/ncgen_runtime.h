@@ -9,6 +9,13 @@
 #include "ncgen.h"
 #include "ncgen_methods.h"
 
+/* For AddressSanitizer: so many numbers behind each part of a workspace, which may not be on the stack then, belong to nobody. A workspace
+ * whose length is a formula has room for those of 64 parts. */
+#ifndef NCGEN_GAP
+#define NCGEN_GAP 0
+#endif
+#define NCGEN_GAPS (64 * NCGEN_GAP)
+
 #ifdef __cplusplus
 extern "C" {
 #endif

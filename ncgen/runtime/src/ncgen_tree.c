@@ -113,6 +113,14 @@ static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, ncgen_tree_link 
     return status;
 }
 
+/* Velocities of the coordinates that measure joints. */
+static void write_rates(ncgen_tree_work *w)
+{
+    const ncgen_tree *tree = w->tree;
+    for (int i = 0; i < tree->n_measured; ++i)
+        w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].rate;
+}
+
 static int is_same(int count, const ncgen_real *a, const ncgen_real *b)
 {
     for (int i = 0; i < count; ++i)
@@ -138,19 +146,14 @@ static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen
             status = NCGEN_SINGULAR;
         ncgen_tree_go_on(own, &at);
     }
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].rate;
+    write_rates(w);
     return status;
 }
 
 /* What forces along the coordinates give the joints; 0 where one of them moves nothing. */
 static int solve(ncgen_tree_work *w)
 {
-    const ncgen_tree *tree = w->tree;
-    for (int k = 0; k < tree->n_screws; ++k)
-        w->screw[k].push = 0;
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
+    ncgen_tree_begin_pushes(w);
     if (!w->is_factored && !ncgen_has_pairs_alone(w))
         ncgen_tree_add_singles(w);
     if (w->is_factored)
@@ -250,8 +253,7 @@ static void move_at_rates(ncgen_tree_work *w)
         spread_twist(at.element, own->n_elements, own->twist, w->moved);
         ncgen_tree_go_on(own, &at);
     }
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].rate;
+    write_rates(w);
 }
 
 int ncgen_tree_joints(const ncgen_tree *tree)

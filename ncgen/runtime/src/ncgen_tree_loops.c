@@ -44,10 +44,7 @@ static void clear_row(const ncgen_run *r, ncgen_tree_work *w, int row)
 void ncgen_tree_respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
 {
     const ncgen_tree *tree = w->tree;
-    for (int k = 0; k < tree->n_screws; ++k)
-        w->screw[k].push = 0;
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
+    ncgen_tree_begin_pushes(w);
     for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own)
         ncgen_set6(ncgen_nothing, own->wrench);
     ncgen_tree_push(w);
@@ -137,7 +134,7 @@ static int factor(ncgen_tree_work *w)
 }
 
 /* What is left of a force along a closing row for every screw on its links' way to the ground, where the joints beyond take their part. */
-static void go_inward(const ncgen_run *r, ncgen_tree_work *w, int closing, ncgen_real *left)
+static void go_inward(ncgen_tree_work *w, int closing, ncgen_real *left)
 {
     const ncgen_tree *tree = w->tree;
     const int begin = tree->way_start[closing], end = tree->way_start[closing + 1];
@@ -147,7 +144,6 @@ static void go_inward(const ncgen_run *r, ncgen_tree_work *w, int closing, ncgen
         left[tree->measured[2 * i + 1]] += tree->ratios[i] * w->force[tree->measured[2 * i]];
     for (int i = begin; i < end; ++i)
         ncgen_set6(ncgen_nothing, w->link[tree->way[i]].wrench);
-    (void)r;
     for (int i = begin; i < end; ++i) {
         ncgen_tree_link *own = w->link + tree->way[i];
         ncgen_tree_push_link(w, tree->way[i], left, left + tree->n_screws);
@@ -165,7 +161,7 @@ static void factor_rows(const ncgen_run *r, ncgen_tree_work *w)
         w->force[k] = 0;
     for (int i = 0; i < c; ++i) {
         add_row(r, w, tree->closing[i], 1);
-        go_inward(r, w, i, w->left + (size_t)i * (size_t)width);
+        go_inward(w, i, w->left + (size_t)i * (size_t)width);
         clear_row(r, w, tree->closing[i]);
     }
     for (int k = 0; k < tree->n_screws; ++k)

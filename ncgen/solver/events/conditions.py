@@ -12,6 +12,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.conditions_in_c import LINEAR, QUADRATIC, UNWATCHED, Conditions, Formulas
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.program_functions import CompiledFunctions, functions
+from ncgen.model import Model
 from ncgen.model.actions import Change
 from ncgen.model.contacts import Contact
 from ncgen.model.elements import rate_name
@@ -230,11 +231,7 @@ class EventFunctions:
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of every condition."""
-        rates = [(f"friction {each.name}", each.along.rate) for each in self.frictions.values()]
-        teeth = [(f"ratchet {each.name}", each.along.rate) for each in self.ratchets.values()]
-        slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
-        turns = [(f"contact {self.contacts[k].name}", self.contacts[k].kept) for k in self.turns.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *teeth, *turns]
+        return conditions_of(self.kernels.model)
 
     @property
     def read_inputs(self) -> EventFunctions:
@@ -346,6 +343,15 @@ def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value |
         anchor=(of.held, of.along.initial),
         pressed=pressed,
     )
+
+
+def conditions_of(model: Model) -> list[tuple[str, Scalar]]:
+    """(words, expression) of all conditions: of events, then of joints with friction, contacts, ratchets, and directions of sliding."""
+    rates = [(f"friction {each.name}", each.along.rate) for each in model.frictions.values()]
+    teeth = [(f"ratchet {each.name}", each.along.rate) for each in model.ratchets.values()]
+    slides = [(f"contact {each.name}", each.forward) for each in model.contacts.values()]
+    turns = [(f"contact {each.name}", each.kept) for each in model.contacts.values() if len(each.sliding) > 1]
+    return [*((f"event {event.name}", event.when) for event in model.events.values()), *rates, *slides, *teeth, *turns]
 
 
 def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:

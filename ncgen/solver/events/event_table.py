@@ -17,7 +17,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.condition_formulas import FormulaTable, assemble_formulas
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.action_rows import ActionRow, Actions
-from ncgen.solver.events.conditions import degree_within_step, mentions_inputs
+from ncgen.solver.events.conditions import conditions_of, degree_within_step, mentions_inputs
 from ncgen.solver.events.held_mechanism import HeldMechanism, Holdable, friction_of, held_mechanism, holdables
 from ncgen.symbolic.numbering import Terms
 
@@ -100,12 +100,7 @@ class EventTable:
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of all conditions."""
-        model = self.kernels.model
-        rates = [(f"friction {each.name}", each.along.rate) for each in model.frictions.values()]
-        teeth = [(f"ratchet {each.name}", each.along.rate) for each in model.ratchets.values()]
-        slides = [(f"contact {each.name}", each.forward) for each in self.contacts]
-        turns = [(f"contact {each.name}", each.kept) for each in self.turning]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *teeth, *turns]
+        return conditions_of(self.kernels.model)
 
     @cached_property
     def held(self) -> HeldMechanism | None:
