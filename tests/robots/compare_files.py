@@ -80,7 +80,11 @@ def space_has_mass(space) -> bool:
 def beside_pinocchio(file: Path, space, robot: Robot) -> Worst:
     import pinocchio as pin
 
-    model, rng, worst = pin.buildModelFromUrdf(str(file)), np.random.default_rng(0), Worst()
+    rng, worst = np.random.default_rng(0), Worst()
+    try:
+        model = pin.buildModelFromUrdf(str(file))
+    except ValueError:
+        return Worst({"refused by Pinocchio": np.nan})
     data = model.createData()
     names = [word(model.names[j], "joint") for j in range(1, model.njoints)]
     if sorted(names) != sorted(space.rates):
