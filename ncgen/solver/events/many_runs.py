@@ -36,7 +36,8 @@ from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.event_table import EventTable
 from ncgen.solver.events.held_mechanism import refusal_of_frictions, refusal_of_shared, with_switches
-from ncgen.solver.events.modes import Held, load_conditions, rank_of, variant
+from ncgen.solver.events.holdables import Holdable
+from ncgen.solver.events.modes import load_conditions, rank_of, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.loads.constraint_loads import refusal_of_multipliers
 from ncgen.solver.parameter_checks import judged_parameters
@@ -317,7 +318,7 @@ class ManyRuns:
         """Whether the mode that a motion needs could be added."""
         wanted = runs.wanted
         with self._lock:
-            rows: dict[int, Held] = {row.number: row for row in self.functions.rows}
+            rows: dict[int, Holdable] = {row.number: row for row in self.functions.rows}
             if not wanted or wanted in runs.held or not set(wanted) <= set(rows):
                 return False
             held = tuple(rows[k] for k in wanted)
