@@ -239,12 +239,6 @@ class EventFunctions:
         """Static friction of a friction (N or N m), or its coefficient where it follows a load."""
         return self._number(f"friction {self.frictions[k].name}", self.frictions[k].static, at)
 
-    def limit(self, held: Holdable, at: State) -> float:
-        """What holds it: static friction of a joint (N or N m), the coefficient of a contact that sticks; 0 of a gap."""
-        if held.sticks:
-            return self.friction(held.number, at)
-        return 0.0 if held.static is None else self.static(held.number, at)
-
     def friction(self, k: int, at: State) -> float:
         """Coefficient of friction of a contact."""
         return self._number(f"contact {self.contacts[k].name}, friction", self.contacts[k].friction, at)

@@ -24,7 +24,8 @@ from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.model.frictions import Friction
 from ncgen.model.values import as_sympy, evaluate
 from ncgen.program.ir.blocks import Program
-from ncgen.program.motions.event_programs import INPUTS, HeldLoad, assemble_mode_conditions
+from ncgen.program.ir.evaluate import evaluate as interpreted
+from ncgen.program.motions.event_programs import INPUTS, HeldLoad, assemble_load_margins, assemble_mode_conditions
 from ncgen.program.motions.multipliers import STATE
 from ncgen.program.motions.sliding import Sliding, assemble_friction
 from ncgen.program.motions.sliding_derivatives import assemble_friction_derivatives
@@ -245,7 +246,8 @@ class _InPython(LoadConditions):
 
     def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Holdable, ...]) -> None:
         ffi: Interface = runtime_abi("double")
-        self._functions, self._mode, self._held, self.count = functions, mode.driven_by(None), held, count_of(held)
+        self._mode, self.count = mode.driven_by(None), count_of(held)
+        self._margins = assemble_load_margins(mode.programs.equations, held_loads(mode, held), mode.row_sizes)
         n, n_p, first = mode.n, len(mode.p0), 2 * functions.count
         raw_conditions = functions.raw("conditions")
 
@@ -263,18 +265,7 @@ class _InPython(LoadConditions):
         self.address = int(ffi.cast("uintptr_t", self._callback))
 
     def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
-        rows = self._mode.row_sizes
         lam = accelerations_by("lagrange").motion(self._mode, at.q, at.qd, at.t, at.p, {}).lam
-        margins, total = [], float(np.sum(rows * np.abs(lam)))
-        for each, load in zip(self._held, held_loads(self._mode, self._held), strict=True):
-            k, most = load.row, self._functions.limit(each, at)
-            if load.grip:
-                square = (most * lam[load.grip[0]]) ** 2
-                margins.append((square - np.sum(lam[k : k + load.directions] ** 2), square + (total / rows[k]) ** 2))
-            elif each.static is None:
-                margins.append((-lam[k], total / rows[k]))
-            else:
-                most *= float(np.linalg.norm(lam[list(each.pressed)])) if each.pressed else 1.0
-                margins += [(most + side * lam[k], most + total / rows[k]) for side in (1, -1)]
-        values, sizes = np.array(margins).T
-        return values, sizes
+        state = {"t": at.t, "q": at.q.tolist(), "qd": at.qd.tolist(), "p": at.p.tolist(), "lam": lam.tolist()}
+        pairs = np.array(interpreted(self._margins, state))
+        return pairs[::2], pairs[1::2]
