@@ -8,8 +8,10 @@ static ncgen_real *take_records(ncgen_space *space, int count, size_t size)
 
 static void lay_out_loops(ncgen_run *r, ncgen_tree_work *w)
 {
-    const int count = w->tree->n_closing;
-    w->are_there = w->is_near_singular = w->n_independent = w->most_independent = 0;
+    const int count = w->tree->n_opposed;
+    w->are_there = w->n_independent = w->most_independent = 0;
+    w->least_share = 1;
+    w->n_rows = w->tree->n_closing;
     w->left = ncgen_take(&r->space, (w->tree->n_screws + w->tree->n_groups) * count);
     for (int i = 0; w->left && i < (w->tree->n_screws + w->tree->n_groups) * count; ++i)
         w->left[i] = 0;
