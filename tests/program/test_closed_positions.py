@@ -73,6 +73,38 @@ def test_positions_close_to_rounding_from_any_angles(make):
         assert np.max(np.abs(kernels.phi(q, 0.0, kernels.p0)) / kernels.row_sizes) < 1e-14
 
 
+def test_a_motion_closes_by_all_hinges_whichever_coordinates_are_independent():
+    kernels, (equations, angles, found) = given(load("arm"))
+    others = Split(rows=angles.rows, dependent=angles.independent, independent=angles.dependent[: len(angles.independent)])
+    program = assemble_closed_positions(equations, others, found, kernels.column_sizes, range(kernels.n))
+    rng, measured = np.random.default_rng(5), list(angles.independent)
+    q = found[0].q + 1e-3 * rng.uniform(-1, 1, kernels.n)
+    q[measured] += rng.uniform(-3, 3, len(measured))
+    step, rows = np.split(np.array(evaluate(program, {"t": 0.0, "q": q, "p": kernels.p0})), [kernels.n])
+    assert not np.any(step[measured])
+    assert not np.any(rows)
+    assert np.max(np.abs(kernels.phi(q + step, 0.0, kernels.p0)) / kernels.row_sizes) < 1e-14
+
+
+def test_a_motion_with_other_joints_does_not_close_by_hinges():
+    kernels, (equations, split, found) = given(load("robot"))
+    with pytest.raises(NoRecursion, match="no independent angle is that of its hinge"):
+        assemble_closed_positions(equations, split, found, kernels.column_sizes, range(kernels.n))
+
+
+def test_a_run_of_hinges_closes_every_step_at_once_and_leaves_the_angles():
+    """By Newton's method the arm took 1.3 steps, and every step moved the angles back along the constraints."""
+    kernels = ncgen.compile(load("arm"))
+    angles = [name for name in kernels.coordinates if name.startswith("psi")]
+    start = {"zd0": dict(zip(angles, np.random.default_rng(7).uniform(-1, 1, len(angles)).tolist(), strict=True)), "points": 3}
+    run = ncgen.simulate(kernels, 0.5, integrator="rk4", max_step=2e-3, **start)
+    tight = ncgen.simulate(kernels, 0.5, rtol=1e-12, **start)
+    assert run.engine == "emitted"
+    assert run.statistics.newton_steps == run.statistics.steps
+    assert max(np.max(np.abs(kernels.phi(q, t, kernels.p0)) / kernels.row_sizes) for t, q in zip(run.t, run.q, strict=True)) < 1e-14
+    assert np.max(np.abs(run.q[-1] - tight.q[-1]) / kernels.column_sizes) < 1e-5
+
+
 @pytest.mark.parametrize(
     "name, why",
     [("robot", "no independent angle is that of its hinge"), ("stewart", "is on no hinge"), ("pendulum", "not every independent")],

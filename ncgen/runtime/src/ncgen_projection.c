@@ -158,7 +158,10 @@ int ncgen_project_velocity_along(ncgen_run *r, ncgen_scalar t, ncgen_real *kept)
     return status;
 }
 
-/* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; 0 where they do not close, or move the
+/* What closing a position came to: it does not close; Newton's method closed it; it followed at once from what its joints measure. */
+enum { STAYS_OPEN, IS_CLOSED, FOLLOWS_FROM_MEASURED };
+
+/* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; STAYS_OPEN, too, where they move the
  * others by much more than the rows are violated, in natural sizes: where these coordinates hardly determine where the mechanism is. Link by link no
  * coordinate stays as it is, and links pass on what moves the one before. */
 static int close_position(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
@@ -169,13 +172,13 @@ static int close_position(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar
         r->statistics->newton_steps += 1;
         const ncgen_real moved = ncgen_constrained_size(r, w->emitted), violation = ncgen_constrained_violation(r, w->emitted + r->n);
         if (!(moved < too_far) || (w->motion && violation > 0 && moved > ncgen_pivot_growth_limit(r, R(10.0)) * violation + nothing))
-            return 0;
+            return STAYS_OPEN;
         for (int i = 0; i < r->n; ++i)
             r->q[i] += w->emitted[i];
         if (violation < quadratic_limit)
-            return 1;
+            return (k > 0 || violation > 0) && !ncgen_follows_from_measured(r) ? IS_CLOSED : FOLLOWS_FROM_MEASURED;
     }
-    return 0;
+    return STAYS_OPEN;
 }
 
 /* r->q moved along the constraints to where it is nearest to w->offset: by the part of the difference that the joints allow. A
@@ -199,20 +202,23 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, nc
     for (int i = 0; i < n; ++i)
         r->q[i] += moved[i] - (r->model->nu ? driven[i] : 0);
     /* what is straight leaves the constraints, always to the same side, by about the square of its length */
-    return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t));
+    return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t) != STAYS_OPEN);
 }
 
 /* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below, both are
  * changed as little as can be in the sense of kinetic energy, a position up to `enough`. Where it follows from measured coordinates, these
- * stay as they were integrated, each to the same order as all others. */
+ * stay as they were integrated, each to the same order as all others; an emitted one with a tape is moved all the same, as the sweep back
+ * over the tape has it. */
 static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
 {
     ncgen_copy(r->n, r->q, w->offset);
-    if (!close_position(r, w, t))
+    const int closing = close_position(r, w, t);
+    if (closing == STAYS_OPEN)
         return 0;
     if (w->closed_position)
         ncgen_copy(r->n, r->q, w->closed_position);
-    if (!ncgen_follows_from_measured(r) && !approach(r, w, t, enough))
+    const int stays = closing == FOLLOWS_FROM_MEASURED && !(w->motion && w->closed_position);
+    if (!stays && !approach(r, w, t, enough))
         return 0;
     ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
     ncgen_copy(r->n, w->emitted, r->qd);
