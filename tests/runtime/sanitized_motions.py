@@ -67,6 +67,7 @@ def motions() -> Iterator[tuple[str, Motion]]:
         for formalism in ("coordinate-partitioning", "null-space", "udwadia-phohomsiri", "augmented-lagrangian", "penalty"):
             for method in ("dopri5", "radau"):
                 yield f"{name} {formalism} {method}", lambda k=kernels, f=formalism, m=method: _short(k, formalism=f, integrator=m)
+        yield f"{name} ali3p trapezoidal", lambda k=kernels: _short(k, formalism="ali3p", integrator="trapezoidal", max_step=0.01)
     for name, kernels in _mechanisms().items():
         rows = np.tile(kernels.q0, (5, 1))
         yield f"{name} batch", lambda k=kernels, r=rows: ncgen.simulate(k, 0.05, points=3, q0=r).q[-1, -1]

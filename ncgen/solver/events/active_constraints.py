@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ConvergenceError
-from ncgen.mechanism.active_in_c import Active, Kind, direction_of, is_still
+from ncgen.mechanism.active_in_c import Active, direction_of, is_still
 from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
@@ -58,20 +58,13 @@ class ActiveConstraints:
     def directions(self, held: tuple[int, ...], p: np.ndarray) -> np.ndarray:
         """Of the mechanism's conditions (C,): a held gap is not watched, nor the velocity of what sticks or does not touch."""
         functions, ways = self.functions, self.functions.directions.copy()
-        for k in self.rows:
+        for k, row in self.rows.items():
             slip = int(p[self.place(functions.frictions[k].slip)]) if k in functions.frictions else 0
-            ways[k] = direction_of(self.kind(k), k in held, functions.gaps.get(k) in held, slip, int(ways[k]))
+            ways[k] = direction_of(row.kind, k in held, functions.gaps.get(k) in held, slip, int(ways[k]))
         ways[[*self.blocked, *self._prevented]] = UNWATCHED
         for number, k in functions.turns.items():
             ways[number] = ways[k]
         return ways
-
-    def kind(self, k: int) -> Kind:
-        """What something that may be held is in C."""
-        row = self.rows[k]
-        if k in self.functions.frictions or k in self.functions.ratchets:
-            return "NCGEN_HOLDS_JOINT" if k in self.functions.frictions else "NCGEN_HOLDS_RATCHET"
-        return "NCGEN_HOLDS_CONTACT" if row.sticks else "NCGEN_HOLDS_RUBBING_GAP" if row.rubs else "NCGEN_HOLDS_GAP"
 
     def look(self, at: State, held: tuple[int, ...]) -> None:
         """Note which gaps that are closed, and which joints at rest, cannot move while others are held: they are not watched."""
@@ -224,7 +217,8 @@ class HeldChoice:
         self.owner, self.at, self._start, self._held = owner, at, at, held
         self._numbers = list(owner.rows)
         functions, positions = owner.functions, {k: position for position, k in enumerate(self._numbers)}
-        self.active = active = Active([owner.kind(k) for k in positions], [positions.get(functions.gaps.get(k, -1), -1) for k in positions])
+        gaps = [positions.get(functions.gaps.get(k, -1), -1) for k in positions]
+        self.active = active = Active([row.kind for row in owner.rows.values()], gaps)
         for k, position in positions.items():
             active.before[position], active.rests[position], active.released[position] = k in held, k in resting, k in owner.left
             turns = any(functions.turns.get(number) == k for number in due)

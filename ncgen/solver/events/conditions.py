@@ -19,10 +19,11 @@ from ncgen.model.elements import rate_name
 from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
 from ncgen.model.one_sided import Ratchet
-from ncgen.model.values import Scalar, Value, as_sympy, is_number, symbol_of
+from ncgen.model.values import Scalar, Value, as_sympy, is_number
 from ncgen.program.motions.condition_formulas import FormulaTable, assemble_formulas
 from ncgen.program.motions.event_programs import INPUTS, assemble_conditions, degree_of
-from ncgen.solver.events.modes import Held, LoadConditions, variant
+from ncgen.solver.events.holdables import LOCK, Holdable, holdables
+from ncgen.solver.events.modes import LoadConditions, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.runs.stop import DIRECTIONS, StopCondition
 from ncgen.solver.trajectories.happening import Search
@@ -49,7 +50,7 @@ class EventFunctions:
         self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
         first = len(self.events) + len(self.frictions) + len(self.contacts)
         self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), first))
-        self.locks = {each.name: held_where_it_is(-1, each) for each in model.locks.values()}
+        self.locks = {each.name: each for each in holdables(model) if each.kind == LOCK}
         turning = [k for k, contact in self.contacts.items() if len(contact.sliding) > 1]
         self.turns = dict(enumerate(turning, first + len(self.ratchets)))
         self.count = first + len(self.ratchets) + len(self.turns)
@@ -105,26 +106,17 @@ class EventFunctions:
         return np.array([name not in read for name in self.kernels.parameters], dtype=bool)
 
     @cached_property
-    def rows(self) -> tuple[Held, ...]:
+    def rows(self) -> tuple[Holdable, ...]:
         """The constraints that modes can have."""
-        return self.kernels.remember("rows of modes", (), self._rows)
-
-    def _rows(self) -> tuple[Held, ...]:
-        closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
-        rubbing = self.kernels.model.contacts
-        held = [Held(number=k, name=event.name, rows=(event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [held_where_it_is(k, f, f.static, f.pressed) for k, f in self.frictions.items()]
-        rests = {event.name for _, event in closing}
-        rolling = [Held(number=k, name=c.name, rows=c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
-        caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
-        return (*held, *sticking, *rolling, *caught)
+        made = self.kernels.remember("rows of modes", (), lambda: tuple(holdables(self.kernels.model)))
+        return tuple(each for each in made if each.kind != LOCK)
 
     @property
     def moving(self) -> dict[int, Friction | Ratchet]:
         """What is held by its velocity, by the numbers of its conditions."""
         return {**self.frictions, **self.ratchets}
 
-    def mode(self, at: State, held: Sequence[Held] = ()) -> Kernels:
+    def mode(self, at: State, held: Sequence[Holdable] = ()) -> Kernels:
         """The kernels of the mode in which these are held and the locks of a state are closed; held constraints are the last ones."""
         return variant(self.kernels, (*(self.locks[name] for name in at.locked), *held))
 
@@ -247,12 +239,6 @@ class EventFunctions:
         """Static friction of a friction (N or N m), or its coefficient where it follows a load."""
         return self._number(f"friction {self.frictions[k].name}", self.frictions[k].static, at)
 
-    def limit(self, held: Held, at: State) -> float:
-        """What holds it: static friction of a joint (N or N m), the coefficient of a contact that sticks; 0 of a gap."""
-        if held.sticks:
-            return self.friction(held.number, at)
-        return 0.0 if held.static is None else self.static(held.number, at)
-
     def friction(self, k: int, at: State) -> float:
         """Coefficient of friction of a contact."""
         return self._number(f"contact {self.contacts[k].name}, friction", self.contacts[k].friction, at)
@@ -331,18 +317,6 @@ class EventFunctions:
         if not isinstance(made, CompiledFunctions):
             raise ModelError(f"{kernels.name}: events need compiled kernels; compile the model with backend='c'")
         return made
-
-
-def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None, pressed: tuple[int, ...] = ()) -> Held:
-    """The constraint of what is held at the place where it is at that instant."""
-    return Held(
-        number=number,
-        name=of.name,
-        rows=(of.along.position - symbol_of(of.held),),
-        static=static,
-        anchor=(of.held, of.along.initial),
-        pressed=pressed,
-    )
 
 
 def conditions_of(model: Model) -> list[tuple[str, Scalar]]:

@@ -18,7 +18,8 @@ from ncgen.program.motions.condition_formulas import FormulaTable, assemble_form
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.action_rows import ActionRow, Actions
 from ncgen.solver.events.conditions import conditions_of, degree_within_step, mentions_inputs
-from ncgen.solver.events.held_mechanism import HeldMechanism, Holdable, friction_of, held_mechanism, holdables
+from ncgen.solver.events.held_mechanism import HeldMechanism, held_mechanism, switched
+from ncgen.solver.events.holdables import Holdable, friction_of
 from ncgen.symbolic.numbering import Terms
 
 START = -1
@@ -74,7 +75,7 @@ class EventTable:
     @cached_property
     def holdables(self) -> tuple[Holdable, ...]:
         """What may be held."""
-        return holdables(self.kernels.model)
+        return switched(self.kernels.model)
 
     @cached_property
     def names(self) -> list[str]:
@@ -114,7 +115,7 @@ class EventTable:
     @cached_property
     def rows(self) -> list[ActionRow]:
         """What events do, and what is done where a motion begins."""
-        model, holds, first = self.kernels.model, [each.name for each in self.holdables], len(self._filled.values)
+        model, holds, first = self.kernels.model, [each.words for each in self.holdables], len(self._filled.values)
         rows = [ActionRow(START, "NCGEN_SET", self.kernels.parameters.index(name), first + k) for k, name in enumerate(model.beginnings)]
         rows += [ActionRow(START, "NCGEN_LOCK", holds.index(lock.name)) for lock in model.locks.values() if lock.closed]
         locking = [(k, action) for k, event in enumerate(self.events) for action in event.do if isinstance(action, Locking)]
@@ -165,7 +166,7 @@ class EventTable:
         for each in self.holdables:
             indices = [parameters.index(name) if name else -1 for name in (each.switch, each.held, each.slip)]
             rows.append(HoldRow(
-                kind=each.kind, condition=each.condition, on=indices[0], held=indices[1], value=first if each.held else -1, slip=indices[2],
+                kind=each.kind, condition=each.number, on=indices[0], held=indices[1], value=first if each.held else -1, slip=indices[2],
                 load=load,
             ))  # fmt: skip
             first += bool(each.held)
