@@ -166,12 +166,8 @@ class EventFunctions:
         pairs = self._call("conditions", at)
         return pairs[::2], pairs[1::2]
 
-    def scales(self, at: State) -> np.ndarray:
-        """What the conditions' values are compared with, (C,): the sizes of their terms, and what moving by natural sizes changes."""
-        return self.weighed(at)[1]
-
     def weighed(self, at: State) -> tuple[np.ndarray, np.ndarray]:
-        """The conditions' values and `scales`, (C,) each."""
+        """The conditions' values, and what they are compared with, (C,) each: sizes of terms, and what moving by natural sizes changes."""
         values, terms = self.values(at)
         return values, terms + np.abs(self.slopes(at)[0]) @ self.kernels.column_sizes
 
