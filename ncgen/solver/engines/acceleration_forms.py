@@ -14,7 +14,8 @@ from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.open_tree import KnownTree, known_tree, tree_of, why_no_tables
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.choice import Choice, choose
-from ncgen.solver.runs.run import COMPILED, Form, Run
+from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.settings import COMPILED, Form
 from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:
@@ -40,10 +41,11 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
         every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
     integrator: for which the runtime is compiled at the same time
     """
-    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-    from ncgen.mechanism.runtime_library import part_for
 
     def made() -> ConstrainedDynamics:
+        from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+        from ncgen.mechanism.runtime_library import part_for
+
         samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
         tree = _tree_with_loops(kernels) if form == "tree" else None
         component = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
@@ -56,8 +58,8 @@ def expected_component(model: Model, run: Run) -> Part:
     """The part of the runtime that a run will need as far as the model alone shows, to be compiled while kernels are derived."""
     from ncgen.mechanism.runtime_library import part_for
 
-    method, tree = choose(run).method, spanning_tree(model)
-    is_open = run.engine in (AUTO, COMPILED) and run.number == "double" and not model.branches
+    method, tree = choose(run.settings).method, spanning_tree(model)
+    is_open = run.settings.engine in (AUTO, COMPILED) and run.settings.number == "double" and not model.branches
     if method.formalism.name != "lagrange" or not is_open or not tree.dof:
         return part_for(method.integrator.name)
     has_loops = len(model.joints) > len(tree.links)
@@ -88,7 +90,7 @@ def _tree_with_loops(kernels: Kernels) -> KnownTree | None:
 
 def explained(kernels: Kernels, choice: Choice, run: Run, engine: str) -> str:
     """The method and the engine that a run took, and why; of a large tree of bodies why it is the matrix, too."""
-    is_open = run.engine in (AUTO, COMPILED) and engine == "c" and run.number == "double"
+    is_open = run.settings.engine in (AUTO, COMPILED) and engine == "c" and run.settings.number == "double"
     matrix = why_matrix(kernels, choice.method) if is_open else ""
     return f"{choice.method}, {engine}: {choice.why}" + (f"; {matrix}" if matrix else "")
 

@@ -23,14 +23,14 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.listening import REACTION, Listener
 from ncgen.mechanism.program_functions import CompiledFunctions
 from ncgen.mechanism.program_functions import functions as functions_of
-from ncgen.methods.method import Method
+from ncgen.methods.method import Method, settings_in_c
 from ncgen.methods.table import number_in_c
 from ncgen.model.actions import Change, Impact, Locking, Stop
 from ncgen.model.digest import digest_of_events
 from ncgen.model.values import Scalar
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_programs import assemble_conditions
-from ncgen.solver.engines import acceleration_forms, capabilities, compiled
+from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.events import on_demand
 from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.events.conditions import EventFunctions
@@ -94,11 +94,11 @@ class ManyRuns:
             kernels.column_sizes, kernels.column_sizes
         )
         self._sizes = tolerances.pop("sizes")
-        step = self.run.max_step
+        step = self.run.settings.max_step
         self._options = {
             "method": number_in_c(self.method.integrator), "formalism": number_in_c(self.method.formalism),
             "tolerance": capabilities.closeness("double"), "max_step": 0.0 if np.isinf(step) else step,
-            **compiled.settings_in_c(self.method.options), **tolerances,
+            **settings_in_c(self.method.options), **tolerances,
         }  # fmt: skip
         if kernels.model.beginnings and not self._exported:
             driven = EventFunctions(kernels.driven_by(self.run.signals))
