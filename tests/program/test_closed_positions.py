@@ -12,6 +12,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.dynamics import DynamicsPrograms, newton
+from ncgen.program.motions.motion import assemble_motions
 from ncgen.program.programs import Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions
 from ncgen.program.tree.rates import NoRecursion
@@ -84,6 +85,24 @@ def test_a_motion_closes_by_all_hinges_whichever_coordinates_are_independent():
     assert not np.any(step[measured])
     assert not np.any(rows)
     assert np.max(np.abs(kernels.phi(q + step, 0.0, kernels.p0)) / kernels.row_sizes) < 1e-14
+
+
+def test_velocities_of_an_open_tree_are_those_of_either_recursion():
+    """A projection, twice the same, whose rest has no momentum along what the joints allow."""
+    kernels, (equations, angles, found) = given(example_module("arm").build(3))
+    _, ways = assemble_motions(equations, found, kernels.column_sizes)
+    assert set(ways) == {"articulated", "composite"}
+    q, rng = found[0].q, np.random.default_rng(6)
+
+    def projected(name, qd):
+        return np.array(evaluate(ways[name], {"t": 0.0, "q": q, "qd": qd, "p": kernels.p0}))[: kernels.n]
+
+    qd, allowed = (rng.uniform(-1, 1, kernels.n) for _ in range(2))
+    once = {name: projected(name, qd) for name in ways}
+    assert np.max(np.abs(once["articulated"] - once["composite"])) < 1e-12
+    assert np.max(np.abs(kernels.phi_q(q) @ once["articulated"])) < 1e-12
+    assert np.max(np.abs(projected("articulated", once["composite"]) - once["composite"])) < 1e-12
+    assert abs(projected("composite", allowed) @ kernels.mass(q) @ (qd - once["articulated"])) < 1e-11
 
 
 def test_a_motion_with_other_joints_does_not_close_by_hinges():
