@@ -15,10 +15,11 @@ import numpy as np
 from ncgen.model import Model
 from ncgen.model.catalogue import RowType
 from ncgen.model.digest import NOT_IN_EQUATIONS, names_of_fields
+from ncgen.model.elements import Component
 from ncgen.model.expressions import is_symbolic
 from ncgen.model.traced_numbers import Trace, unit_near
 from ncgen.symbolic.inertia import StandardInertia, standard_inertia, take_standard
-from ncgen.symbolic.inertia_terms import Amounts, amounts_of, take_amounts
+from ncgen.symbolic.inertia_terms import Amount, Amounts, amounts_of, take_amounts
 from ncgen.symbolic.omissions import angle_row_type, perpendicular_pairs
 from ncgen.symbolic.tree import spanning_tree
 
@@ -175,11 +176,11 @@ class _Walk:
 
     def _amounts(self, exact: Amounts, inertias: dict[str, StandardInertia]) -> Amounts:
         """Sums are numbers of their own, since they are rounded once. inertias: of the bodies, as they are copied"""
-        mass = {}
+        mass: dict[tuple[Component, Component], Amount] = {}
         for pair, value in exact.mass.items():
             name, row, column = exact.alone.get(pair, ("", 0, 0))
             alone = inertias[name].matrix[row][column] if name else 0.0
             mass[self._copy(pair)] = self._float(float(value)) if unit_near(float(alone)) is not None else alone
             self.words.append(f"{name} {row} {column}")
-        weight = {self._copy(component): self._float(float(value)) for component, value in exact.weight.items()}
+        weight: dict[Component, Amount] = {self._copy(each): self._float(float(value)) for each, value in exact.weight.items()}
         return Amounts(mass, weight, self._float(float(exact.offset)))
