@@ -9,6 +9,12 @@ ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b)
     return sum;
 }
 
+ncgen_scalar ncgen_next_random(unsigned *seed)
+{
+    *seed = *seed * 1664525u + 1013904223u;
+    return (ncgen_scalar)(*seed >> 8) / R(8388608.0) - 1;
+}
+
 ncgen_real ncgen_norm(int count, const ncgen_real *x)
 {
     return NCGEN_SQRT(ncgen_dot(count, x, x));
