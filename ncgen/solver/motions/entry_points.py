@@ -115,7 +115,8 @@ def simulate(
         with undisturbed():
             from ncgen.solver.motions.simulate import simulate_one
 
-        refuse_batch_options("simulate", threads=threads)
+        if threads is not None:
+            refuse_batch_options("simulate", threads=threads)
         return simulate_one(kernels, duration, points=101 if points is None else points, stop=stop, progress=progress, **arguments)
     from ncgen.solver.motions.batch import simulate_batch
 

@@ -59,7 +59,7 @@ class Stopwatch:
 
 
 class RunPlan(NamedTuple):
-    """What runs of the same settings over the same times have in common.
+    """What runs of the same settings have in common.
 
     form: of the state derivative in C; refused: why C cannot carry them out, or None; task: of which the numbers change
     """
@@ -154,15 +154,14 @@ class RunUnderWay:
             refuse_negative_ahead(self.kernels, self.path.q[-1], self.path.qd[-1], float(t[0]), float(t[-1] - t[0]), self.start.p)
 
     def _plan(self) -> RunPlan:
-        """What does not depend on the numbers of the run; found once for its settings, its grid and the mechanism."""
-        start, grid = self.start, self.run.grid
-        known = self.run.settings, self.choice, grid, self.kernels.effort, self.given_breaks is None
+        """What does not depend on the numbers of the run; found once for its settings and the mechanism."""
+        start, known = self.start, (self.run.settings, self.choice, self.kernels.effort, self.given_breaks is None)
 
         def find() -> RunPlan:
             refused = "asked for" if self.run.settings.engine == "python" else self._refusal()
             return RunPlan(self._form(), refused, self._new_task())
 
-        return self.kernels.remember("plans", known, find, CACHED) if grid.is_shared and not start.partitions else find()
+        return find() if start.partitions else self.kernels.remember("plans", known, find, CACHED)
 
     def _form(self) -> Form:
         """What state derivative C is given: as named, else one that is emitted where there is one over all coordinates."""
@@ -247,6 +246,7 @@ class RunUnderWay:
             stop=run.stop,
             progress=self.progress,
             signals=run.signals,
+            tolerances=self.tolerances,
             breaks=self.breaks,
             movable=self.rows.is_extra,
             jumps=self.jumps,
@@ -295,6 +295,12 @@ class RunUnderWay:
         path = self.path
         return Instants(times, path.q, path.qd, path.work, rows)
 
+    def _explained(self) -> str:
+        """The method and the engine, and why they were taken."""
+        kernels, choice, settings, engine = self.kernels, self.choice, self.run.settings, self.engine
+        known = choice, settings, engine
+        return kernels.remember("explanations", known, lambda: acceleration_forms.explained(kernels, choice, settings, engine), CACHED)
+
     def trajectory(self, clock: Stopwatch) -> Trajectory:
         """The motion at the instants that were asked for, as far as it came."""
         path, run, method = self.path, self.run, self.choice.method
@@ -335,7 +341,7 @@ class RunUnderWay:
             options={**method.options},
             stopped=path.stopped is not None,
             number=run.settings.number,
-            made_with=acceleration_forms.explained(self.kernels, self.choice, run, self.engine),
+            made_with=self._explained(),
             impulses=tuple(path.impulses),
             events=tuple(self.passage.happened),
             modes=modes,

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 RELATIVE_ZERO = 1e-9
 """Singular values below this, relative to the largest, count as zero."""
 
+CLEAR_FRACTION = 1e-3
+"""Share of the largest singular value from which the least one is no question of rounding, nor of how rows are scaled."""
+
 POSITIONS = 6
 DISTANCE = 0.1
 """How far the trial positions are from the given one, relative to the mechanism's size."""
@@ -216,7 +219,9 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
     m, n = kernels.m, kernels.n
     check_finite(kernels, q, t, p)
     if DENSE <= m <= n and (independent_rows(sparse_jacobian(kernels, q, t, p)) or is_open_tree(kernels, q, t, p)):
-        return Freedom(rank=m, rank_here=m, dof=n - m, redundant=(), kept_rows=tuple(range(m)), vanishing=np.zeros((n, 0)), positions=1)
+        return _with_all_rows(kernels)
+    if m < DENSE and _has_clear_rank(scaled_jacobian(kernels, q, t, p)):
+        return _with_all_rows(kernels)
     positions = trial_positions(kernels, q, t, p)
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
     largest = _largest_rows(jacobians)
@@ -243,6 +248,21 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
         vanishing=vanishing,
         positions=len(positions),
     )
+
+
+def _with_all_rows(kernels: Kernels) -> Freedom:
+    """Where no row depends on others, whatever other positions there are."""
+    m, n = kernels.m, kernels.n
+    return Freedom(rank=m, rank_here=m, dof=n - m, redundant=(), kept_rows=tuple(range(m)), vanishing=np.zeros((n, 0)), positions=1)
+
+
+def _has_clear_rank(jacobian: np.ndarray) -> bool:
+    """True for rows in natural units (m, n) that are far from being dependent: all ranks that there are, are theirs then."""
+    m, n = jacobian.shape
+    if not 0 < m <= n:
+        return False
+    values = np.linalg.eigvalsh(jacobian @ jacobian.T)
+    return bool(values[0] > CLEAR_FRACTION**2 * values[-1])
 
 
 def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:
