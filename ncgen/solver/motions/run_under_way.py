@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -88,6 +89,7 @@ class RunUnderWay:
 
     def __post_init__(self) -> None:
         self.times = self.rows.times.copy()
+        self._planned: tuple[Choice, RunPlan] | None = None
         self.path = Path.empty(self.kernels.n, self.start.partitions)
         functions = self.run.signals.laws if self.run.signals else ()
         rounding = capabilities.rounding(self.run.settings.number)
@@ -99,7 +101,7 @@ class RunUnderWay:
         self.jumps = driver_jumps(self.kernels, start.p, start.q, breaks)
         self.tolerances = Tolerances.of(self.run, self.kernels.length, rounding)
 
-    @property
+    @cached_property
     def mobility(self) -> tuple[int, bool]:
         """The rank of Φ_q, and whether the start is a singular position."""
         kernels, start, t = self.kernels, self.start, self.run.initial.t
@@ -155,13 +157,18 @@ class RunUnderWay:
 
     def _plan(self) -> RunPlan:
         """What does not depend on the numbers of the run; found once for its settings and the mechanism."""
+        if self._planned and self._planned[0] is self.choice:
+            return self._planned[1]
         start, known = self.start, (self.run.settings, self.choice, self.kernels.effort, self.given_breaks is None)
 
         def find() -> RunPlan:
             refused = "asked for" if self.run.settings.engine == "python" else self._refusal()
             return RunPlan(self._form(), refused, self._new_task())
 
-        return find() if start.partitions else self.kernels.remember("plans", known, find, CACHED)
+        asks_of_start = start.partitions and self.run.settings.engine in EMITTED
+        plan = find() if asks_of_start else self.kernels.remember("plans", known, find, CACHED)
+        self._planned = self.choice, plan
+        return plan
 
     def _form(self) -> Form:
         """What state derivative C is given: as named, else one that is emitted where there is one over all coordinates."""
@@ -321,8 +328,8 @@ class RunUnderWay:
             fallbacks=path.fallbacks,
             preparation=preparation,
         )
-        kernels = self.passage.driving(self.kernels, self.start.p)
-        modes = tuple(replace(each, kernels=self.passage.driving(each.kernels, self.start.p)) for each in self.passage.modes)
+        kernels, passage = self.passage.driving(self.kernels, self.start.p), self.passage
+        modes = [replace(each, kernels=passage.driving(each.kernels, self.start.p)) for each in passage.modes]
         return made(
             Trajectory,
             kernels=kernels,
@@ -343,8 +350,8 @@ class RunUnderWay:
             number=run.settings.number,
             made_with=self._explained(),
             impulses=tuple(path.impulses),
-            events=tuple(self.passage.happened),
-            modes=modes,
-            changed=bool(self.passage.changes),
+            events=tuple(passage.happened),
+            modes=tuple(modes),
+            changed=bool(passage.changes),
             user_formalism=method.formalism if method.formalism.user_object else None,
         )
