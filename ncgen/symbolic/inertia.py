@@ -113,7 +113,7 @@ def _standard(
     mass, lever, tensor = _mass(inertia.mass), [*_exact(inertia.com), *origin], [x for row in inertia.tensor for x in _exact(row)]
     offset = [c - o for c, o in zip(lever[:3], origin, strict=True)]
     if not any(map(is_symbolic, (mass, *offset, *tensor, *chain(*axes)))):
-        return standard_in_integers(*cast(Any, (mass, offset, tensor, axes)), ROUNDING)
+        return standard_in_integers(*cast(Any, (mass, offset, tensor, axes)), rounding=ROUNDING)
     inverse = _inverse(axes)
     sizes = [_norm(row, parameters) for row in inverse]
     half = sum((tensor[4 * k] for k in range(3)), Fraction(0)) / 2

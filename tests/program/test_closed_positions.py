@@ -12,6 +12,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.dynamics import DynamicsPrograms, newton
+from ncgen.program.motions.motion import assemble_motions
 from ncgen.program.programs import Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions
 from ncgen.program.tree.rates import NoRecursion
@@ -86,6 +87,24 @@ def test_a_motion_closes_by_all_hinges_whichever_coordinates_are_independent():
     assert np.max(np.abs(kernels.phi(q + step, 0.0, kernels.p0)) / kernels.row_sizes) < 1e-14
 
 
+def test_velocities_of_an_open_tree_are_those_of_either_recursion():
+    """A projection, twice the same, whose rest has no momentum along what the joints allow."""
+    kernels, (equations, angles, found) = given(example_module("arm").build(3))
+    _, ways = assemble_motions(equations, found, kernels.column_sizes)
+    assert set(ways) == {"articulated", "composite"}
+    q, rng = found[0].q, np.random.default_rng(6)
+
+    def projected(name, qd):
+        return np.array(evaluate(ways[name], {"t": 0.0, "q": q, "qd": qd, "p": kernels.p0}))[: kernels.n]
+
+    qd, allowed = (rng.uniform(-1, 1, kernels.n) for _ in range(2))
+    once = {name: projected(name, qd) for name in ways}
+    assert np.max(np.abs(once["articulated"] - once["composite"])) < 1e-12
+    assert np.max(np.abs(kernels.phi_q(q) @ once["articulated"])) < 1e-12
+    assert np.max(np.abs(projected("articulated", once["composite"]) - once["composite"])) < 1e-12
+    assert abs(projected("composite", allowed) @ kernels.mass(q) @ (qd - once["articulated"])) < 1e-11
+
+
 def test_a_motion_with_other_joints_does_not_close_by_hinges():
     kernels, (equations, split, found) = given(load("robot"))
     with pytest.raises(NoRecursion, match="no independent angle is that of its hinge"):
@@ -103,6 +122,17 @@ def test_a_run_of_hinges_closes_every_step_at_once_and_leaves_the_angles():
     assert run.statistics.newton_steps == run.statistics.steps
     assert max(np.max(np.abs(kernels.phi(q, t, kernels.p0)) / kernels.row_sizes) for t, q in zip(run.t, run.q, strict=True)) < 1e-14
     assert np.max(np.abs(run.q[-1] - tight.q[-1]) / kernels.column_sizes) < 1e-5
+
+
+def test_fixed_steps_of_loops_close_once_and_stay_where_that_is_near():
+    """Moving along the constraints took another Newton step; the energy shows that nothing is lost without it."""
+    kernels = ncgen.compile(load("fourbar"))
+    run = ncgen.simulate(kernels, 2.0, integrator="rk4", max_step=1e-3, points=5)
+    assert run.engine == "emitted"
+    assert run.statistics.newton_steps == run.statistics.steps
+    assert max(np.max(np.abs(kernels.phi(q, t, kernels.p0)) / kernels.row_sizes) for t, q in zip(run.t, run.q, strict=True)) < 1e-13
+    energies = [sum(kernels.energy(q, qd)[:2]) for q, qd in zip(run.q, run.qd, strict=True)]
+    assert np.ptp(energies) < 1e-8
 
 
 @pytest.mark.parametrize(

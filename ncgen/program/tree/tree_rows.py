@@ -189,14 +189,19 @@ class TreeRows(TreeVelocities):
             for i, (r, slots) in enumerate(rows.items()):
                 for entry, c in enumerate(slots, self.pattern.indptr[r]):
                     (of_link if c in column_of else of_others).append((i, column_of.get(c, 0), entry, c))
-            self._entries_of_links[key] = list(rows), *(np.array(each, dtype=int).reshape(-1, 4).T for each in (of_link, of_others))
+            inside, outside = (np.array(each, dtype=int).reshape(-1, 4).T for each in (of_link, of_others))
+            self._entries_of_links[key] = list(rows), inside, outside
         return self._entries_of_links[key]
 
-    def _in_natural_sizes(self, sample: SampledPosition) -> np.ndarray:
+    def rows_of(self, link: int) -> list[int]:
+        """The rows that close a link, in the order of `block`."""
+        return self._entries(link, True)[0]
+
+    def in_natural_sizes(self, sample: SampledPosition) -> np.ndarray:
         """The values of Φ_q over the sizes of their rows."""
         return sample.phi_q / self.around.rows[self.pattern.rows]
 
-    def _block(self, link: int, values: np.ndarray, with_copies: bool = True) -> np.ndarray:
+    def block(self, link: int, values: np.ndarray, with_copies: bool = True) -> np.ndarray:
         """Rows that close a link over its own slots, both in natural sizes; values: of Φ_q, in natural sizes of rows."""
         rows, (i, column, entry, c), _ = self._entries(link, with_copies)
         block = np.zeros((len(rows), len(self.unknowns[link])))
@@ -205,11 +210,11 @@ class TreeRows(TreeVelocities):
 
     def _step_of_links(self, sample: SampledPosition, with_copies: bool) -> np.ndarray:
         """The smallest change of each link's coordinates (n,), relative to those before it, that closes its rows."""
-        step, values = np.zeros(len(self.sizes)), self._in_natural_sizes(sample)
+        step, values = np.zeros(len(self.sizes)), self.in_natural_sizes(sample)
         for link, unknowns in enumerate(self.unknowns):
             rows, _, (i, _, entry, c) = self._entries(link, with_copies)
             right = -sample.phi[rows] - np.bincount(i, values[entry] * step[c], minlength=len(rows))
-            block = self._block(link, values, with_copies)
+            block = self.block(link, values, with_copies)
             step[unknowns] = np.linalg.lstsq(block, right, rcond=RELATIVE_TOLERANCE)[0] * self.sizes[unknowns]
         return step[: self.n]
 
@@ -249,15 +254,11 @@ class TreeRows(TreeVelocities):
             opposed |= {r for r in rows if off[r] > RELATIVE_TOLERANCE * terms[r] + rounding[r]}
         return sorted(opposed)
 
-    def is_regular(self, sample: SampledPosition) -> bool:
-        """True where all rows are independent, link by link."""
-        return not self.vanishing and all(rank == rows == freedom for rank, rows, freedom in self._ranks(sample))
-
-    def _ranks(self, sample: SampledPosition) -> Iterator[tuple[int, int, int]]:
+    def ranks(self, sample: SampledPosition) -> Iterator[tuple[int, int, int]]:
         """Of every link the rank of the rows that close it, how many they are, and what their rank must be."""
-        values = self._in_natural_sizes(sample)
+        values = self.in_natural_sizes(sample)
         for link, unknowns in enumerate(self.unknowns):
-            block = self._block(link, values)
+            block = self.block(link, values)
             largest = np.max(np.abs(block), axis=1, initial=0.0)
             scaled = block / np.where(largest > RELATIVE_TOLERANCE, largest, 1.0)[:, None]
             rank = int(np.linalg.matrix_rank(scaled, tol=RELATIVE_TOLERANCE)) if block.size else 0

@@ -28,6 +28,7 @@ typedef struct ncgen_constrained {
     ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
     ncgen_real *offset;                        /* n: a position, and how far another one is from it */
     ncgen_real *closed_position;               /* n: for a tape, where closing brought the last state, before it was moved on */
+    ncgen_real moved_at_once;                  /* how far closing moved a position, in natural sizes; -1: it took more than one step */
     ncgen_real pivot_growth;                   /* of its elimination, where it was called last */
     int uses_matrix;                           /* this step goes without it */
     int is_prepared;                           /* are sizes and diagonal of the matrix known? */

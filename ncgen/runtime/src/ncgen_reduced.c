@@ -42,13 +42,6 @@ void ncgen_reduced_layout(ncgen_run *r, ncgen_reduced *w, int *integers)
 
 /* The basis ---------------------------------------------------------------------------------------------------- */
 
-/* The next of a sequence of numbers in (-1, 1) without a pattern, the same in every run (Lehmer 1951). */
-static ncgen_scalar next_random(unsigned *seed)
-{
-    *seed = *seed * 1664525u + 1013904223u;
-    return (ncgen_scalar)(*seed >> 8) / R(8388608.0) - 1;
-}
-
 /* Velocities that the constraints allow, one a column, without what drivers add to them. */
 static void find_allowed(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t)
 {
@@ -62,7 +55,7 @@ static void find_allowed(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t)
         ncgen_recursive_velocities(r, t, w->q, given, driven);
     for (int k = 0; k < w->count; ++k) {
         for (int i = 0; i < n; ++i)
-            given[i] = next_random(&seed) * sizes[i];
+            given[i] = ncgen_next_random(&seed) * sizes[i];
         ncgen_recursive_velocities(r, t, w->q, given, allowed);
         for (int i = 0; i < n; ++i)
             w->basis[k * n + i] = allowed[i] - driven[i];

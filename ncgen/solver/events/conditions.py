@@ -54,9 +54,7 @@ class EventFunctions:
         turning = [k for k, contact in self.contacts.items() if len(contact.sliding) > 1]
         self.turns = dict(enumerate(turning, first + len(self.ratchets)))
         self.count = first + len(self.ratchets) + len(self.turns)
-        ways = [DIRECTIONS[event.direction] for event in self.events]
-        falling = [DIRECTIONS["falling"]] * len(self.ratchets)
-        self.directions = np.array([*ways, *([UNWATCHED] * (first - len(ways))), *falling, *([UNWATCHED] * len(self.turns))], dtype=int)
+        self.directions = np.array(directions_of(model), dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
         self._sampled = np.zeros(self.count, dtype=bool)
         self._last: dict[str, tuple[State, np.ndarray]] = {}  # what was asked last of every function: a state is asked again and again
@@ -166,12 +164,8 @@ class EventFunctions:
         pairs = self._call("conditions", at)
         return pairs[::2], pairs[1::2]
 
-    def scales(self, at: State) -> np.ndarray:
-        """What the conditions' values are compared with, (C,): the sizes of their terms, and what moving by natural sizes changes."""
-        return self.weighed(at)[1]
-
     def weighed(self, at: State) -> tuple[np.ndarray, np.ndarray]:
-        """The conditions' values and `scales`, (C,) each."""
+        """The conditions' values, and what they are compared with, (C,) each: sizes of terms, and what moving by natural sizes changes."""
         values, terms = self.values(at)
         return values, terms + np.abs(self.slopes(at)[0]) @ self.kernels.column_sizes
 
@@ -326,6 +320,13 @@ def conditions_of(model: Model) -> list[tuple[str, Scalar]]:
     slides = [(f"contact {each.name}", each.forward) for each in model.contacts.values()]
     turns = [(f"contact {each.name}", each.kept) for each in model.contacts.values() if len(each.sliding) > 1]
     return [*((f"event {event.name}", event.when) for event in model.events.values()), *rates, *slides, *teeth, *turns]
+
+
+def directions_of(model: Model) -> list[int]:
+    """Of the same conditions: those of events, and that ratchets begin to turn back; what slides is watched as long as it does."""
+    watched, falling = [DIRECTIONS[event.direction] for event in model.events.values()], [DIRECTIONS["falling"]] * len(model.ratchets)
+    slides = [UNWATCHED] * (len(model.frictions) + len(model.contacts))
+    return [*watched, *slides, *falling, *([UNWATCHED] * sum(len(each.sliding) > 1 for each in model.contacts.values()))]
 
 
 def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:

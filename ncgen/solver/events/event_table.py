@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ncgen.mechanism.conditions_in_c import UNWATCHED, basis, formula_arrays
+from ncgen.mechanism.conditions_in_c import basis, formula_arrays
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Locking
 from ncgen.model.contacts import Contact
@@ -17,7 +17,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.condition_formulas import FormulaTable, assemble_formulas
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.action_rows import ActionRow, Actions
-from ncgen.solver.events.conditions import conditions_of, degree_within_step, mentions_inputs
+from ncgen.solver.events.conditions import conditions_of, degree_within_step, directions_of, mentions_inputs
 from ncgen.solver.events.held_mechanism import HeldMechanism, held_mechanism, switched
 from ncgen.solver.events.holdables import Holdable, friction_of
 from ncgen.symbolic.numbering import Terms
@@ -236,8 +236,7 @@ class EventTable:
     @cached_property
     def described(self) -> dict[str, object]:
         """What templates are filled with."""
-        actions, count, ratchets = self._filled, len(self.conditions), len(self.kernels.model.ratchets)
-        unwatched = [UNWATCHED] * (count - len(self.events) - ratchets - len(self.turning))
+        actions, count = self._filled, len(self.conditions)
         nodes, inverse = basis(actions.degree)
         return {
             "names": self.names,
@@ -252,7 +251,7 @@ class EventTable:
             "sliding": len(self.sliding),
             "most": max(count, actions.most),
             "law": actions.law,
-            "directions": [*actions.directions, *unwatched, *[-1] * ratchets, *[UNWATCHED] * len(self.turning)],
+            "directions": directions_of(self.kernels.model),
             "rows": self.rows,
             "values": len(self.values),
             "degree": actions.degree,
