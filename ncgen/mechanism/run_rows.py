@@ -22,10 +22,10 @@ class RunRows:
     def __init__(self, ffi: Interface, number: Number, times: Sequence[float] | np.ndarray, n: int) -> None:
         rows, count = len(times), len(times) + 1
         self._n, self._count, self.block = n, count, np.empty(count * (2 * n + 3), number.dtype)
-        asked = count * (2 * n + 2)
-        self.block[:rows] = self.block[asked : asked + rows] = times
+        last_block = count * (2 * n + 2)
+        self.block[:rows] = self.block[last_block : last_block + rows] = times
         start = pointer(ffi, self.block, number.array)
-        self.t_in_c, self.asked_in_c = start, start + asked
+        self.t_in_c, self.asked_in_c = start, start + last_block
         self.in_c: tuple[InC, InC, InC] = start + 2 * count, start + (2 + n) * count, start + count
 
     def as_doubles(self) -> None:

@@ -180,8 +180,8 @@ def _initial(subject: Kernels | Model, values: Mapping[str, Any]) -> Initial:
     is_own = values["q0"] is values["p"] is values["inputs"] is None  # inputs are put into the parameters
     if not is_own or isinstance(subject, Model) or not (type(t0) is type(closing) is float and (z is None or type(z) is str)):
         return Initial.from_arguments(subject, **{name: values[name] for name in START})
-    own = subject.remember("own starts", (t0, z, closing), lambda: Initial.from_arguments(subject, t0=t0, z=z, closing=closing), CACHED)
-    return own.with_velocities(subject, values["zd0"], values["qd0"])
+    initial = subject.remember("own starts", (t0, z, closing), lambda: Initial.from_arguments(subject, t0=t0, z=z, closing=closing), CACHED)
+    return initial.with_velocities(subject, values["zd0"], values["qd0"])
 
 
 @dataclass(frozen=True, eq=False)
