@@ -23,7 +23,7 @@ from ncgen.model.traced_numbers import Trace, computed
 from ncgen.program.differentiation import tangent_programs
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.solver.positions import rank
-from ncgen.symbolic.traced_model import traced
+from ncgen.symbolic.traced_model import told_apart, traced
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
 
@@ -261,6 +261,15 @@ def skew_robot(folder, length):
     path = folder / "skew.urdf"
     path.write_text(f'<robot name="skew">{text}</robot>', encoding="utf-8")
     return ncgen.load(path)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "robot", "slidercrank3d", "quadruped"])
+def test_a_model_that_has_travelled_has_the_same_structure(name):
+    """Told with a copy and without one."""
+    model = ncgen.load(name)
+    twin = pickle.loads(pickle.dumps(model))
+    copied = traced(twin)
+    assert told_apart(model) == told_apart(twin) == (copied.digest, copied.numbers)
 
 
 def test_rounding_of_a_length_is_no_structure(tmp_path):
