@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.number_table import FilledSources, table_getter
@@ -145,7 +144,7 @@ class ConstrainedDynamics(Dynamics):
 class _PreparedTwice(PreparedRun):
     """Runs whose steps are iterated without tangents, which next to singular positions does not converge: then they are taken with them."""
 
-    def simulate(self, times: ArrayLike, initial: InitialState, **numbers: Any) -> Outcome:
+    def simulate(self, times: Sequence[float] | np.ndarray, initial: InitialState, **numbers: Any) -> Outcome:
         done = super().simulate(times, initial, **numbers)
         return self._with_tangents.simulate(times, initial, **numbers) if done.status == "not converged" else done
 

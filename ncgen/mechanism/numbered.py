@@ -20,7 +20,7 @@ from ncgen.model import Model
 from ncgen.model.traced_numbers import Operation, Trace, TracedComparison, computed
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.programs import Programs
-from ncgen.symbolic.traced_model import TracedModel, has_structure, traced
+from ncgen.symbolic.traced_model import TracedModel, has_structure, told_apart, traced
 from ncgen.toolchain.cache_location import keep, kept
 
 if TYPE_CHECKING:
@@ -108,8 +108,7 @@ def _told_apart(model: Model, key: str | None) -> tuple[str, list[float]]:
     """Digest of the structure of a model and its numbers, from the cache or found now; no digest where they are not told apart."""
 
     def tell() -> tuple[str, list[float]]:
-        copy = traced(model)
-        return (copy.digest, copy.numbers) if copy else ("", [])
+        return told_apart(model) or ("", [])
 
     if key is None:
         return tell()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.callbacks import Choices
@@ -47,22 +47,22 @@ class PreparedRun:
 
     def simulate(
         self,
-        times: ArrayLike,
+        times: Sequence[float] | np.ndarray,
         initial: InitialState,
         *,
         inputs: RunInputs = NO_INPUTS,
         monitor: Monitor = UNWATCHED_RUN,
         movable: np.ndarray | None = None,
         rank: int | None = None,
+        errors: tuple[float, float, float] | None = None,
     ) -> Outcome:
         """Run over the times (s) of a grid (first one is the start).
 
         movable: a mask over the times of rows that may have the end of the step around them, which saves the stages of an interpolant
-        rank: of Φ_q, where rows are redundant
+        rank: of Φ_q, where rows are redundant; errors: `rtol`, `atol` and `span` of the options, if others than those that were prepared
         """
         ffi, number, library, where = self._ffi, self._dynamics.number, self._library, self._dynamics
-        times = np.ascontiguousarray(times, dtype=number.dtype)
-        rows, start = RunRows(ffi, number, times, self._n), self._laid(initial)
+        rows, start, count = RunRows(ffi, number, times, self._n), self._laid(initial), len(times)
         influences = _Influences(where, library, inputs, monitor.conditions)
         space = where.spaces.take(monitor.progress)
         try:
@@ -71,14 +71,16 @@ class PreparedRun:
             where.describe(dynamics, self._takes_tangents)
             if rank is not None:
                 dynamics.n_dependent = rank
+            if errors is not None:
+                options.rtol, options.atol, options.span = errors
             if movable is not None:
                 movable = np.ascontiguousarray(movable, dtype=np.intc)
-                options.movable = pointer(ffi, movable, "int[]", len(times), f"{where.kernels.name}: movable")
+                options.movable = pointer(ffi, movable, "int[]", count, f"{where.kernels.name}: movable")
                 options.row_times = rows.t_in_c
             size = self._size(dynamics, options, rank, influences.put(options))
             statistics = ffi.new("ncgen_statistics *")
             status = library.ncgen_simulate(
-                where.model, dynamics, options, *space.start, len(times), pointer(ffi, times, number.array), *rows.in_c, space.rows,
+                where.model, dynamics, options, *space.start, count, rows.asked_in_c, *rows.in_c, space.rows,
                 statistics, space.numbers(size), space.integers,
             )  # fmt: skip
             raised = space.listener.raised or influences.raised

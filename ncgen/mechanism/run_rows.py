@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 
 import numpy as np
@@ -14,14 +15,17 @@ class RunRows:
     """Room for K rows of n coordinates and for the last state, behind them.
 
     work (K + 1,), states (2, K + 1, n): positions and velocities, once they are doubles
-    in_c: where C writes positions, velocities and work; t_in_c: the same of times; block: all of them, times first
+    in_c: where C writes positions, velocities and work; t_in_c: the same of times; asked_in_c: where it reads times
+    block: all of them, times first
     """
 
-    def __init__(self, ffi: Interface, number: Number, times: np.ndarray, n: int) -> None:
-        self._n, self._count, self.block = n, len(times) + 1, np.empty((len(times) + 1) * (2 * n + 2), number.dtype)
-        self.block[: len(times)] = times
-        start, count = pointer(ffi, self.block, number.array), self._count
-        self.t_in_c: InC = start
+    def __init__(self, ffi: Interface, number: Number, times: Sequence[float] | np.ndarray, n: int) -> None:
+        rows, count = len(times), len(times) + 1
+        self._n, self._count, self.block = n, count, np.empty(count * (2 * n + 3), number.dtype)
+        last_block = count * (2 * n + 2)
+        self.block[:rows] = self.block[last_block : last_block + rows] = times
+        start = pointer(ffi, self.block, number.array)
+        self.t_in_c, self.asked_in_c = start, start + last_block
         self.in_c: tuple[InC, InC, InC] = start + 2 * count, start + (2 + n) * count, start + count
 
     def as_doubles(self) -> None:
@@ -29,7 +33,7 @@ class RunRows:
         count = self._count
         if self.block.dtype != float:
             self.block = self.block.astype(float)
-        self.work, self.states = self.block[count : 2 * count], self.block[2 * count :].reshape(2, count, self._n)
+        self.work, self.states = self.block[count : 2 * count], self.block[2 * count : (2 + 2 * self._n) * count].reshape(2, count, self._n)
 
 
 class Outcome:

@@ -77,7 +77,7 @@ class Dynamics:
         struct.n_independent, struct.n_dependent = len(split.independent), len(split.dependent)
         self._keep({"independent": split.independent, "dependent": split.dependent, "rows": split.rows}, struct, np.intc)
 
-    def simulate(self, method: str, times: ArrayLike, initial: InitialState, **options: Any) -> Outcome:
+    def simulate(self, method: str, times: Sequence[float] | np.ndarray, initial: InitialState, **options: Any) -> Outcome:
         """Run over the times (s) of a grid (first one is the start).
 
         options: arguments of `PreparedRun.simulate`, and members of `ncgen_options` by their names; sizes is an array, or None for 1

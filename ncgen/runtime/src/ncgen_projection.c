@@ -158,8 +158,16 @@ int ncgen_project_velocity_along(ncgen_run *r, ncgen_scalar t, ncgen_real *kept)
     return status;
 }
 
-/* What closing a position came to: it does not close; Newton's method closed it; it followed at once from what its joints measure. */
-enum { STAYS_OPEN, IS_CLOSED, FOLLOWS_FROM_MEASURED };
+/* What closing a position came to: it does not close; it is closed; it is closed where it may stay, since it followed from what its joints
+ * measure, or was moved by about the shortest way. */
+enum { STAYS_OPEN, IS_CLOSED, IS_IN_PLACE };
+
+/* May a position stay where a step has moved it that far, its rows being violated that much? With error control it may not: few steps
+ * end, with many stages each, and the tolerance is for their errors. */
+static int is_near(const ncgen_run *r, const ncgen_constrained *w, ncgen_real moved, ncgen_real violation)
+{
+    return !(violation > 0) || (w->motion && ncgen_is_fixed_explicit(r->options) && moved <= 2 * violation);
+}
 
 /* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; STAYS_OPEN, too, where they move the
  * others by much more than the rows are violated, in natural sizes: where these coordinates hardly determine where the mechanism is. Link by link no
@@ -177,7 +185,7 @@ static int close_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
             r->q[i] += w->emitted[i];
         w->moved_at_once = k == 0 ? moved : -1;
         if (violation < quadratic_limit)
-            return (k > 0 || violation > 0) && !ncgen_follows_from_measured(r) ? IS_CLOSED : FOLLOWS_FROM_MEASURED;
+            return ncgen_follows_from_measured(r) || (k == 0 && is_near(r, w, moved, violation)) ? IS_IN_PLACE : IS_CLOSED;
     }
     return STAYS_OPEN;
 }
@@ -218,7 +226,7 @@ static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t
         return 0;
     if (w->closed_position)
         ncgen_copy(r->n, r->q, w->closed_position);
-    const int stays = closing == FOLLOWS_FROM_MEASURED && !(w->motion && w->closed_position);
+    const int stays = closing == IS_IN_PLACE && !(w->motion && w->closed_position);
     if (!stays && !approach(r, w, t, enough))
         return 0;
     w->moved_at_once = stays ? w->moved_at_once : -1;

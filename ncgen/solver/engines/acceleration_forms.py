@@ -15,7 +15,7 @@ from ncgen.solver.positions.open_tree import KnownTree, known_tree, tree_of, why
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.choice import Choice, choose
 from ncgen.solver.runs.run import Run
-from ncgen.solver.runs.settings import COMPILED, Form
+from ncgen.solver.runs.settings import COMPILED, Form, Settings
 from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:
@@ -88,9 +88,9 @@ def _tree_with_loops(kernels: Kernels) -> KnownTree | None:
     return known_tree(kernels) or known_tree(kernels, closes_loops=True)
 
 
-def explained(kernels: Kernels, choice: Choice, run: Run, engine: str) -> str:
+def explained(kernels: Kernels, choice: Choice, settings: Settings, engine: str) -> str:
     """The method and the engine that a run took, and why; of a large tree of bodies why it is the matrix, too."""
-    is_open = run.settings.engine in (AUTO, COMPILED) and engine == "c" and run.settings.number == "double"
+    is_open = settings.engine in (AUTO, COMPILED) and engine == "c" and settings.number == "double"
     matrix = why_matrix(kernels, choice.method) if is_open else ""
     return f"{choice.method}, {engine}: {choice.why}" + (f"; {matrix}" if matrix else "")
 

@@ -76,6 +76,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         monitor=Monitor(conditions=task.watched, progress=Progress(task.progress, kernels.name, task.arrival)),
         movable=task.movable_from(begun),
         rank=task.rank_at(kernels, q, times[0]),
+        errors=task.tolerances.errors,
     )
     task.looked_at(begun, done.t)
     all_work = done.work + work if work else done.work
@@ -112,7 +113,7 @@ def _prepared(task: Task, dynamics: ConstrainedDynamics) -> PreparedRun:
         method, sizes = task.method, dynamics.kernels.column_sizes
         run = task.runs[dynamics] = dynamics.run_by(
             method.integrator.name, **method.in_c, tolerance=closeness(task.number), max_step=task.step_in_c,
-            stop_when_stiff=int(task.stop_when_stiff), first_step=task.first_step, **task.tolerances.in_c(sizes, sizes),
+            stop_when_stiff=int(task.stop_when_stiff), first_step=task.first_step, sizes=task.tolerances.in_c(sizes, sizes)["sizes"],
         )  # fmt: skip
     return run
 

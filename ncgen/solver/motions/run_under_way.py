@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -59,7 +60,7 @@ class Stopwatch:
 
 
 class RunPlan(NamedTuple):
-    """What runs of the same settings over the same times have in common.
+    """What runs of the same settings have in common.
 
     form: of the state derivative in C; refused: why C cannot carry them out, or None; task: of which the numbers change
     """
@@ -88,6 +89,7 @@ class RunUnderWay:
 
     def __post_init__(self) -> None:
         self.times = self.rows.times.copy()
+        self._planned: tuple[Choice, RunPlan] | None = None
         self.path = Path.empty(self.kernels.n, self.start.partitions)
         functions = self.run.signals.laws if self.run.signals else ()
         rounding = capabilities.rounding(self.run.settings.number)
@@ -99,7 +101,7 @@ class RunUnderWay:
         self.jumps = driver_jumps(self.kernels, start.p, start.q, breaks)
         self.tolerances = Tolerances.of(self.run, self.kernels.length, rounding)
 
-    @property
+    @cached_property
     def mobility(self) -> tuple[int, bool]:
         """The rank of Φ_q, and whether the start is a singular position."""
         kernels, start, t = self.kernels, self.start, self.run.initial.t
@@ -154,15 +156,19 @@ class RunUnderWay:
             refuse_negative_ahead(self.kernels, self.path.q[-1], self.path.qd[-1], float(t[0]), float(t[-1] - t[0]), self.start.p)
 
     def _plan(self) -> RunPlan:
-        """What does not depend on the numbers of the run; found once for its settings, its grid and the mechanism."""
-        start, grid = self.start, self.run.grid
-        known = self.run.settings, self.choice, grid, self.kernels.effort, self.given_breaks is None
+        """What does not depend on the numbers of the run; found once for its settings and the mechanism."""
+        if self._planned and self._planned[0] is self.choice:
+            return self._planned[1]
+        start, known = self.start, (self.run.settings, self.choice, self.kernels.effort, self.given_breaks is None)
 
         def find() -> RunPlan:
             refused = "asked for" if self.run.settings.engine == "python" else self._refusal()
             return RunPlan(self._form(), refused, self._new_task())
 
-        return self.kernels.remember("plans", known, find, CACHED) if grid.is_shared and not start.partitions else find()
+        asks_of_start = start.partitions and self.run.settings.engine in EMITTED
+        plan = find() if asks_of_start else self.kernels.remember("plans", known, find, CACHED)
+        self._planned = self.choice, plan
+        return plan
 
     def _form(self) -> Form:
         """What state derivative C is given: as named, else one that is emitted where there is one over all coordinates."""
@@ -247,6 +253,7 @@ class RunUnderWay:
             stop=run.stop,
             progress=self.progress,
             signals=run.signals,
+            tolerances=self.tolerances,
             breaks=self.breaks,
             movable=self.rows.is_extra,
             jumps=self.jumps,
@@ -295,6 +302,12 @@ class RunUnderWay:
         path = self.path
         return Instants(times, path.q, path.qd, path.work, rows)
 
+    def _explained(self) -> str:
+        """The method and the engine, and why they were taken."""
+        kernels, choice, settings, engine = self.kernels, self.choice, self.run.settings, self.engine
+        known = choice, settings, engine
+        return kernels.remember("explanations", known, lambda: acceleration_forms.explained(kernels, choice, settings, engine), CACHED)
+
     def trajectory(self, clock: Stopwatch) -> Trajectory:
         """The motion at the instants that were asked for, as far as it came."""
         path, run, method = self.path, self.run, self.choice.method
@@ -315,8 +328,8 @@ class RunUnderWay:
             fallbacks=path.fallbacks,
             preparation=preparation,
         )
-        kernels = self.passage.driving(self.kernels, self.start.p)
-        modes = tuple(replace(each, kernels=self.passage.driving(each.kernels, self.start.p)) for each in self.passage.modes)
+        kernels, passage = self.passage.driving(self.kernels, self.start.p), self.passage
+        modes = [replace(each, kernels=passage.driving(each.kernels, self.start.p)) for each in passage.modes]
         return made(
             Trajectory,
             kernels=kernels,
@@ -335,10 +348,10 @@ class RunUnderWay:
             options={**method.options},
             stopped=path.stopped is not None,
             number=run.settings.number,
-            made_with=acceleration_forms.explained(self.kernels, self.choice, run, self.engine),
+            made_with=self._explained(),
             impulses=tuple(path.impulses),
-            events=tuple(self.passage.happened),
-            modes=modes,
-            changed=bool(self.passage.changes),
+            events=tuple(passage.happened),
+            modes=tuple(modes),
+            changed=bool(passage.changes),
             user_formalism=method.formalism if method.formalism.user_object else None,
         )

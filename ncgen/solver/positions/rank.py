@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 RELATIVE_ZERO = 1e-9
 """Singular values below this, relative to the largest, count as zero."""
 
+CLEAR_FRACTION = 1e-3
+"""Share of the largest singular value from which the least one is no question of rounding, nor of how rows are scaled."""
+
 POSITIONS = 6
 DISTANCE = 0.1
 """How far the trial positions are from the given one, relative to the mechanism's size."""
@@ -208,6 +211,8 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
     implied = _implied_in_tree(kernels, q, t, p) if MIN_TREE_ROWS <= m <= n else None
     if implied is None and DENSE <= m <= n and independent_rows(sparse_jacobian(kernels, q, t, p)):
         implied = {}
+    if implied is None and m < DENSE and _has_clear_rank(scaled_jacobian(kernels, q, t, p)):
+        implied = {}
     if implied is not None:
         kept, scale = [row for row in range(m) if row not in implied], kernels.row_sizes
         redundant = tuple(Redundancy(r, {k: c * scale[r] / scale[k] for k, c in parts.items()}) for r, parts in implied.items())
@@ -240,6 +245,15 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
         vanishing=vanishing,
         positions=len(positions),
     )
+
+
+def _has_clear_rank(jacobian: np.ndarray) -> bool:
+    """True for rows in natural units (m, n) that are far from being dependent: all ranks that there are, are theirs then."""
+    m, n = jacobian.shape
+    if not 0 < m <= n:
+        return False
+    values = np.linalg.eigvalsh(jacobian @ jacobian.T)
+    return bool(values[0] > CLEAR_FRACTION**2 * values[-1])
 
 
 def _implied_in_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Implications | None:

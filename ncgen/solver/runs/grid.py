@@ -59,13 +59,10 @@ class RunTimes:
 
 
 class Grid:
-    """The times (points,) that are asked for, in s.
+    """The times (points,) that are asked for, in s."""
 
-    is_shared: whether it is the same object for equal arguments
-    """
-
-    def __init__(self, times: np.ndarray, is_shared: bool = False) -> None:
-        self.times, self.is_shared = constant(times), is_shared
+    def __init__(self, times: np.ndarray) -> None:
+        self.times = constant(times)
 
     @cached_property
     def duration(self) -> float:
@@ -89,11 +86,8 @@ class Grid:
 
 def grid_of(start: float, length: float, points: Any, n: int) -> Grid:
     """Even instants, or those that are given. Raises ModelError where there are too many, or they cannot be distinguished."""
-    return _even(start, length, points, n) if _is_shared(points) else _grid(start, length, points, n)
-
-
-def _is_shared(points: Any) -> bool:
-    return type(points) is int and points <= MOST_CACHED_POINTS
+    is_small = type(points) is int and points <= MOST_CACHED_POINTS
+    return _even(start, length, points, n) if is_small else _grid(start, length, points, n)
 
 
 def _grid(start: float, length: float, points: Any, n: int) -> Grid:
@@ -115,7 +109,7 @@ def _grid(start: float, length: float, points: Any, n: int) -> Grid:
             f"t0: {start:.6g} s with {size} points in {length:.6g} s: instants cannot be distinguished in double precision; "
             "begin nearer to 0, or ask for fewer points"
         )
-    return Grid(np.linspace(start, end, size), _is_shared(points))
+    return Grid(np.linspace(start, end, size))
 
 
 _even = lru_cache(maxsize=CACHED)(_grid)

@@ -7,7 +7,7 @@ build it like `simulate` does, and refuse in the same words.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Unpack
 
@@ -68,8 +68,10 @@ class Initial:
     @cached_property
     def key(self) -> tuple[Any, ...]:
         """What tells it from other starts of the mechanism."""
-        rates = (each.tobytes() if isinstance(each, np.ndarray) else each and tuple(each.items()) for each in (self.zd, self.qd))
-        return self.q.tobytes(), self.p.tobytes(), self.t, self.z, self.closing, *rates
+        zd, qd = (
+            tuple(each.items()) if isinstance(each, dict) else None if each is None else each.tobytes() for each in (self.zd, self.qd)
+        )
+        return self.q.tobytes(), self.p.tobytes(), self.t, self.z, self.closing, zd, qd
 
     @classmethod
     def from_arguments(
@@ -86,18 +88,22 @@ class Initial:
     ) -> Initial:
         """From what the caller gives. Raises ModelError."""
         known = outline(subject)
-        if zd0 is not None and qd0 is not None:
-            raise ModelError(TWO_VELOCITIES)
         values = parameters(known, p)
         return cls(
             p=values,
             q=position(known, q0, values, "q0"),
             t=finite(t0, "t0"),
             z=names_of(z, "z", known.coordinates),
-            zd=_rates(known, zd0, "zd0", whole=False),
-            qd=_rates(known, qd0, "qd0", whole=True),
             closing=argument_checks.closing(closing),
-        )
+        ).with_velocities(known, zd0, qd0)
+
+    def with_velocities(self, known: Outline, zd0: ArrayOrNamed | None, qd0: ArrayOrNamed | None) -> Initial:
+        """The same position with velocities, itself where none are given. Raises ModelError."""
+        if zd0 is None and qd0 is None:
+            return self
+        if zd0 is not None and qd0 is not None:
+            raise ModelError(TWO_VELOCITIES)
+        return replace(self, zd=_rates(known, zd0, "zd0", whole=False), qd=_rates(known, qd0, "qd0", whole=True))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -169,17 +175,13 @@ class Run:
 
 
 def _initial(subject: Kernels | Model, values: Mapping[str, Any]) -> Initial:
-    """The start in the arguments of a run; where that is the model's own, it is one object for equal arguments."""
+    """The start in the arguments of a run; the model's own position is one object for equal arguments."""
     t0, z, closing = values["t0"], values["z"], values["closing"]
-    is_own = values["q0"] is values["zd0"] is values["qd0"] is values["p"] is values["inputs"] is None  # inputs are put into parameters
-    is_key = type(t0) is type(closing) is float and (z is None or type(z) is str)
-
-    def find() -> Initial:
+    is_own = values["q0"] is values["p"] is values["inputs"] is None  # inputs are put into the parameters
+    if not is_own or isinstance(subject, Model) or not (type(t0) is type(closing) is float and (z is None or type(z) is str)):
         return Initial.from_arguments(subject, **{name: values[name] for name in START})
-
-    return (
-        find() if not is_own or not is_key or isinstance(subject, Model) else subject.remember("own starts", (t0, z, closing), find, CACHED)
-    )
+    initial = subject.remember("own starts", (t0, z, closing), lambda: Initial.from_arguments(subject, t0=t0, z=z, closing=closing), CACHED)
+    return initial.with_velocities(subject, values["zd0"], values["qd0"])
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from numbers import Integral
+from operator import itemgetter
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -68,7 +69,7 @@ class Settings:
     @classmethod
     def from_arguments(cls, arguments: Mapping[str, Any]) -> Settings:
         """From those of `MethodArguments`. Raises ModelError with one sentence."""
-        *values, options = [arguments[name] for name in _NAMES]
+        *values, options = _in_order(arguments)
         items = None if options is None else tuple((k, type(v), v) for k, v in options.items()) if type(options) is dict else ...
         if items is ... or type(values[0]) is not str:
             return _checked(values, options)
@@ -98,8 +99,8 @@ class Settings:
             raise ModelError(f"number {self.number!r}: Python computes with doubles; leave out engine='python'")
 
 
-_NAMES = tuple(MethodArguments.__annotations__)
-"""The options are the last of them."""
+_in_order = itemgetter(*MethodArguments.__annotations__)
+"""The values of a dictionary of them, the options last."""
 
 
 def _checked(values: Sequence[Any], options: Any) -> Settings:

@@ -114,8 +114,8 @@ class Task:
         return None if self.watched or self.method.has_fixed_step else float(self.grid[-1])
 
     def begun(self, **numbers: Any) -> Task:
-        """The same for a run with other numbers (`grid`, `movable`, `q`, `velocities`, `p`, `rank`), and with others who watch it: what was
-        prepared stays."""
+        """The same for a run with other numbers (`grid`, `movable`, `q`, `velocities`, `p`, `rank`, `tolerances` of the same kind), and
+        with others who watch it: what was prepared stays."""
         task, _ = object.__new__(Task), self.runs
         vars(task).update(vars(self), **numbers)
         return task

@@ -44,6 +44,11 @@ class Tolerances:
         rounding = float(np.finfo(float).eps)
         return cls(max(rtol, MIN_ROUNDINGS * rounding), max(NEAR_ZERO * rtol, rounding), True, duration / SHARED)
 
+    @property
+    def errors(self) -> tuple[float, float, float]:
+        """Those of a step in C."""
+        return self.rtol, self.atol, self.span
+
     def in_c(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
         """Arguments of a run in C whose velocities and positions have these natural sizes."""
         return {"rtol": self.rtol, "atol": self.atol, "span": self.span, "sizes": _state(velocities, positions) if self.natural else None}

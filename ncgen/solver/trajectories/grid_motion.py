@@ -31,7 +31,7 @@ def made(kind: type[Made], **members: Any) -> Made:
     """Return an object of a frozen dataclass from all its members at once: its own function sets one after the other, which takes as long
     as the run of a small mechanism."""
     new = object.__new__(kind)
-    vars(new).update(members)
+    object.__setattr__(new, "__dict__", members)
     return new
 
 
