@@ -104,12 +104,12 @@ class CompiledKernels(Kernels):
         function, n, ffi, count = self.function(kernel), len(self.coordinates), self._ffi, len(instants[0])
         if rows is None:
             rows = [*range(count)]
-        size, times = self.programs.programs[kernel].size, instants[0].take(rows).tolist()
+        size, times = self.programs.programs[kernel].size, instants[0]
         q, qd = np.ascontiguousarray(instants[1], dtype=float), np.ascontiguousarray(instants[2], dtype=float)
         out, parameters = np.empty((len(rows), size)), pointer(ffi, p, count=len(self.p0))
         at, rates, to = pointer(ffi, q, count=count * n), pointer(ffi, qd, count=count * n), pointer(ffi, out)
-        for i, (t, row) in enumerate(zip(times, rows, strict=True)):
-            if status := function(t, at + row * n, rates + row * n, parameters, to + i * size):
+        for i, row in enumerate(rows):
+            if status := function(times.item(row), at + row * n, rates + row * n, parameters, to + i * size):
                 raise self._failed(kernel, status)
         return out
 

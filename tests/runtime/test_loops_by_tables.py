@@ -150,6 +150,27 @@ def test_where_closing_rows_depend_on_each_other_others_take_their_place(monkeyp
     assert np.max(np.abs(run.q - other.q) / kernels.column_sizes) < 1e-6
 
 
+def test_small_pivots_of_closing_rows_keep_their_digits(monkeypatch):
+    """Pivots of closing rows are as small as 1e-8 of their rows' own, while the matrix of all constraints is regular: a step of refinement
+    brings back what they lose. Until it was measured, 2,317 of 2,874 evaluations were made by the matrix."""
+    for limit in ("FEW_RATES", "MOST_RATES"):
+        monkeypatch.setattr(acceleration_forms, limit, 0)
+    kernels = ncgen.compile(TREE(6, 1, 4, False))
+    run, other = (ncgen.simulate(kernels, 2.0, points=11, rtol=rtol, **asked) for rtol, asked in ((1e-8, {}), (1e-11, {"engine": "c"})))
+    assert run.engine == "tree" and run.statistics.fallbacks == 0
+    assert run.statistics.evaluations < 5_000  # 4,001 by the matrix
+    assert np.max(np.abs(run.q - other.q) / kernels.column_sizes) < 1e-6
+    state, q = moving(kernels, "tree"), run.q[5]
+    state.q[:], state.qd[:] = q, run.qd[5]
+    assert state.evaluate() == "ok"
+    T = kernels.column_sizes[:, None] * null_space(scaled_jacobian(kernels, q), rcond=1e-9)
+    M = kernels.mass(q).toarray()
+    force, gamma = (kernels.values(name, 0.0, q, run.qd[5], kernels.p0) for name in ("force", "gamma"))
+    a = kernels.column_sizes * np.linalg.lstsq(scaled_jacobian(kernels, q), gamma / kernels.row_sizes, rcond=1e-9)[0]
+    expected = a + T @ np.linalg.solve(T.T @ M @ T, T.T @ (force - M @ a))
+    assert state.qdd == pytest.approx(expected, rel=1e-8, abs=1e-8 * np.max(np.abs(expected)))
+
+
 def test_the_default_call_goes_on_by_tables_where_loops_are_stiff():
     kernels = ncgen.compile(damped(40, 2, 3, 600.0))
     run = ncgen.simulate(kernels, 0.2, points=2)

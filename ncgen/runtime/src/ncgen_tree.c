@@ -165,9 +165,11 @@ static int solve(ncgen_tree_work *w)
     return w->is_regular;
 }
 
-static ncgen_real growth_of(int is_regular)
+/* The growth of an ncgen_motion: 2 calls for stages on the constraints where a step is repeated. */
+static ncgen_real growth_of(const ncgen_tree_work *w, int is_regular)
 {
-    return is_regular ? 0 : R(1.0e30);
+    const int is_near = w->tree->n_closing && ncgen_tree_is_near_singular(w);
+    return !is_regular ? R(1.0e30) : is_near ? 2 : 0;
 }
 
 void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
@@ -197,7 +199,7 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         is_regular &= ncgen_gamma(r, t, q, out, w->gamma) == NCGEN_OK && ncgen_tree_close_loops(r, w, t, w->gamma, out + n);
     if (ncgen_power(r, t, q, out, out + 2 * n) != NCGEN_OK)
         is_regular = 0;
-    out[2 * n + 1] = growth_of(is_regular && ncgen_is_finite(2 * n, out));
+    out[2 * n + 1] = growth_of(w, is_regular && ncgen_is_finite(2 * n, out));
 }
 
 /* Momenta and pivots where nothing acts; 0 where a joint moves nothing. */
@@ -225,7 +227,7 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     ncgen_tree_respond(r, w, out);
     if (closes_loops)
         is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
-    out[n] = growth_of(is_regular && ncgen_is_finite(n, out));
+    out[n] = growth_of(w, is_regular && ncgen_is_finite(n, out));
 }
 
 /* The twist of a link without that of its joint. */

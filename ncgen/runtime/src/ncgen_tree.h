@@ -4,7 +4,8 @@
 
 #include "ncgen_tree_records.h"
 
-/* Functions of an ncgen_motion. growth is 0, or huge where a joint moves nothing. */
+/* Functions of an ncgen_motion. growth is 0, more where closing rows are about to depend on each other, huge where they do or a joint moves
+ * nothing. */
 void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 

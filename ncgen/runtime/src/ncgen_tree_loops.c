@@ -11,8 +11,11 @@
 /* A pivot below this share of its row's own response is zero: the row is implied by those before it. */
 static const ncgen_scalar least_pivot = R(1.0e-9);
 
-/* What is less than this is near to it: a position where rows are about to depend on each other. */
+/* What is less than this is near to it: digits are lost there, and how many is measured by a step of refinement. */
 static const ncgen_scalar near_singular = R(1.0e-6);
+
+/* The share of itself that a step of refinement may change. The next one would change the square of it. */
+static const ncgen_scalar most_refined = R(1.0e-6);
 
 /* From here on the rows that others imply elsewhere are looked at, too. */
 static const ncgen_scalar small_pivot = R(1.0e-4);
@@ -197,11 +200,9 @@ static void find_matrix(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t)
     w->are_there = 1;
 }
 
-int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *wanted, ncgen_real *x)
+/* x changed so that Phi_q x is `wanted`, with the factors that are there: `change`, which may be x, grows by what that takes. */
+static void close_once(ncgen_run *r, ncgen_tree_work *w, const ncgen_real *wanted, const ncgen_real *x, ncgen_real *change)
 {
-    const int n = r->n;
-    if (!w->are_there)
-        find_matrix(r, w, t);
     const int count = w->n_independent, c = w->n_rows;
     const ncgen_real *a = w->square;
     for (int i = 0; i < c; ++i)
@@ -217,10 +218,34 @@ int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         for (int i = k + 1; i < count; ++i)
             lam[k] -= a[k * c + i] * lam[i];
     }
-    for (int i = 0; i < n; ++i)
+    for (int i = 0; i < r->n; ++i)
         w->force[i] = 0;
     for (int k = 0; k < count; ++k)
         add_row(r, w, w->tree->closing[w->order[k]], lam[k]);
-    ncgen_tree_respond(r, w, x);
-    return !(w->least_share < near_singular) && count == w->most_independent;
+    ncgen_tree_respond(r, w, change);
+}
+
+/* One step of refinement of x; 0 where it changes x so much that the next one would still change more than its last four digits. */
+static int refine(ncgen_run *r, ncgen_tree_work *w, const ncgen_real *wanted, ncgen_real *x)
+{
+    for (int i = 0; i < r->n; ++i)
+        w->bias[i] = 0;
+    close_once(r, w, wanted, x, w->bias);
+    for (int i = 0; i < r->n; ++i)
+        x[i] += w->bias[i];
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    return ncgen_largest(r->n, w->bias, sizes) <= most_refined * ncgen_largest(r->n, x, sizes) + r->rounding;
+}
+
+int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *wanted, ncgen_real *x)
+{
+    if (!w->are_there)
+        find_matrix(r, w, t);
+    close_once(r, w, wanted, x, x);
+    return (!ncgen_tree_is_near_singular(w) || refine(r, w, wanted, x)) && w->n_independent == w->most_independent;
+}
+
+int ncgen_tree_is_near_singular(const ncgen_tree_work *w)
+{
+    return w->least_share < near_singular;
 }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -101,7 +100,7 @@ class RunUnderWay:
         self.jumps = driver_jumps(self.kernels, start.p, start.q, breaks)
         self.tolerances = Tolerances.of(self.run, self.kernels.length, rounding)
 
-    @cached_property
+    @property
     def mobility(self) -> tuple[int, bool]:
         """The rank of Φ_q, and whether the start is a singular position."""
         kernels, start, t = self.kernels, self.start, self.run.initial.t
@@ -297,7 +296,7 @@ class RunUnderWay:
         if len(self.jumps):
             times = outside_breaks(self.breaks, times)  # a row at a jump is of the time before it
         elif rows is not None:
-            known = dict(zip(times.take(rows).tolist(), rows, strict=True))  # rows that C moved to the same end of a step are the same
+            known = {times.item(row): row for row in rows}  # rows that C moved to the same end of a step are the same
             rows = [*known.values()]
         path = self.path
         return Instants(times, path.q, path.qd, path.work, rows)

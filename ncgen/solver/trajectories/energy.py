@@ -51,6 +51,11 @@ class Instants:
         """Work (K,) in J."""
         return self._of_rows(3)
 
+    def works(self) -> list[float]:
+        """The same as numbers."""
+        work, rows = self._arrays[3], self._rows
+        return work.tolist() if rows is None else [work.item(row) for row in rows]  # quicker than an array of a few
+
     def energies(self, kernels: Kernels, p: np.ndarray) -> np.ndarray:
         """Kinetic and potential energy (J) and power (W) of forces without a potential, (K, 3)."""
         t, q, qd, _ = self._arrays
@@ -72,16 +77,16 @@ def drift(kernels: Kernels, instants: Instants, p: np.ndarray, unseen: float = 0
     moves at least the kinetic energy of speeds that count as rest, so that the noise of its velocities is no drift.
     limit: a drift that is below it by the largest T alone is 0, too
     """
-    energies_of_run, work = instants.energies(kernels, p), instants.work
+    energies_of_run = instants.energies(kernels, p)
     each = energies_of_run.tolist()
-    totals = [kinetic + potential - done for (kinetic, potential, _), done in zip(each, work.tolist(), strict=True)]
+    totals = [kinetic + potential - done for (kinetic, potential, _), done in zip(each, instants.works(), strict=True)]
     error = max(max(totals) - totals[0], totals[0] - min(totals))
     is_finite = math.isfinite(sum(totals))  # else nobody knows which of them is the largest
     if is_finite and (error <= ROUNDING * abs(totals[0]) or error < limit * max(each)[0]):
         return 0.0
     kinetic, potential = energies_of_run[:, 0], energies_of_run[:, 1]
     least = _least(kernels, instants.t[0], instants.q[0], p)
-    ratio = float(_relative(kinetic, potential, work, least, unseen))
+    ratio = float(_relative(kinetic, potential, instants.work, least, unseen))
     return 0.0 if not ratio < MIN_ALARMING_DRIFT and _is_still(kernels, instants.q) else ratio
 
 
