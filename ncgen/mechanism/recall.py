@@ -124,9 +124,14 @@ def plain(value: Any) -> Json:
     return _plain(value, True)
 
 
-def restored(data: Any, trace: Trace, values: Sequence[float]) -> Any:
-    """What `plain` made, with these values of the operations of a trace."""
-    return _restored(data, lambda operation: Traced(values[operation], trace, operation))
+def restored(data: Any, trace: Trace | None, values: Sequence[float]) -> Any:
+    """What `plain` made, with these values of the operations of a trace, which they know of where it is given."""
+    return _restored(data, values.__getitem__ if trace is None else lambda operation: Traced(values[operation], trace, operation))
+
+
+def untraced(value: Any) -> Any:
+    """Programs with plain numbers for traced ones."""
+    return _restored(_plain(value))
 
 
 def _plain(value: Any, is_traced: bool = False) -> Json:

@@ -79,7 +79,7 @@ class _Walk:
         self._trace = trace
         self._are_separate = are_separate
         self._positions: dict[float, int] = {}
-        self._copies: dict[int, tuple[int, Any, Any]] = {}
+        self._copies: dict[object, tuple[int, Any, Any]] = {}
 
     def digest(self) -> str:
         return hashlib.sha256("\n".join(self.words).encode()).hexdigest()
@@ -156,13 +156,15 @@ class _Walk:
         return type(value)(*members) if hasattr(value, "_fields") else tuple(members)
 
     def _object(self, value: Any) -> Any:
-        """A copy of an object, one for all places where it stands."""
-        known = self._copies.get(id(value))
+        """A copy of an object, one for all places where it stands; components are what they say, since the normal of planes is one for
+        all models of a process, but not for those from elsewhere."""
+        key = value if isinstance(value, Component) else id(value)
+        known = self._copies.get(key)
         if known is not None:
             self.words.append(f"again {known[0]}")
             return known[1]
         copy = value if self._trace is None else object.__new__(type(value))
-        self._copies[id(value)] = len(self._copies), copy, value
+        self._copies[key] = len(self._copies), copy, value
         self.words.append(type(value).__name__)
         for name in names_of_fields(type(value)):
             member = self._copy(getattr(value, name))

@@ -20,9 +20,10 @@ from ncgen.comparisons.changed_robot import changed_copy
 from ncgen.mechanism import constrained_dynamics, motion_check, numbered
 from ncgen.model.elements import Angle
 from ncgen.model.traced_numbers import Trace, computed
+from ncgen.program.differentiation import tangent_programs
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.solver.positions import rank
-from ncgen.symbolic.traced_model import traced
+from ncgen.symbolic.traced_model import told_apart, traced
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
 
@@ -117,6 +118,27 @@ def test_coincidences_do_not_stay(cache, monkeypatch, tmp_path, first, other):
     """What vanishes for the first numbers only is there for the others."""
     moved(first)
     agree(other, cache, monkeypatch, tmp_path)
+
+
+def test_linear_equations_of_other_numbers_derive_nothing(cache, monkeypatch, tmp_path):
+    """To the last bit those of a mechanism that was derived by itself."""
+    monkeypatch.setenv("NCGEN_CACHE_DIR", str(tmp_path / "another"))
+    alone = state_matrix(four_bar(b=1.31))
+    monkeypatch.setenv("NCGEN_CACHE_DIR", str(cache))
+    first = state_matrix(four_bar())
+
+    def again(*_):
+        raise AssertionError("derived again")
+
+    monkeypatch.setattr(tangent_programs, "assemble_tangents", again)
+    matrix = state_matrix(four_bar(b=1.31))
+    assert np.array_equal(matrix, alone) and not np.allclose(matrix, first, rtol=1e-3)
+
+
+def state_matrix(model):
+    """Of small motions about the fall from the start."""
+    with pytest.warns(UserWarning, match="neither rest in equilibrium"):
+        return ncgen.linearise(ncgen.compile(model, "c")).A
 
 
 def test_what_the_structure_tells_is_not_found_again(cache, monkeypatch):
@@ -239,6 +261,15 @@ def skew_robot(folder, length):
     path = folder / "skew.urdf"
     path.write_text(f'<robot name="skew">{text}</robot>', encoding="utf-8")
     return ncgen.load(path)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "robot", "slidercrank3d", "quadruped"])
+def test_a_model_that_has_travelled_has_the_same_structure(name):
+    """Told with a copy and without one."""
+    model = ncgen.load(name)
+    twin = pickle.loads(pickle.dumps(model))
+    copied = traced(twin)
+    assert told_apart(model) == told_apart(twin) == (copied.digest, copied.numbers)
 
 
 def test_rounding_of_a_length_is_no_structure(tmp_path):
