@@ -239,6 +239,6 @@ def _rates(subject: Outline, velocities: ArrayOrNamed | None, name: str, whole: 
     if rates is None or rates.ndim != 1 or (whole and len(rates) != len(subject.coordinates)):
         needed = f"{len(subject.coordinates)} numbers, one a free coordinate," if whole else "numbers in the order of z"
         raise ModelError(f"{name}: {echo(velocities)} given; give {needed} or {{name: rate}}")
-    for k, rate in enumerate(rates.tolist()):
-        finite(rate, f"{name}: {subject.coordinates[k] if whole else f'number {k + 1}'}")
+    for k in np.flatnonzero(~np.isfinite(rates))[:1].tolist():
+        finite(rates[k], f"{name}: {subject.coordinates[k] if whole else f'number {k + 1}'}")
     return rates
