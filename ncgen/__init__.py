@@ -31,7 +31,13 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"ncgen.{name} is now ncgen.{today}, called with rows of states (docs/renamed.md)")
     if name not in _HOMES:
         raise AttributeError(f"module 'ncgen' has no attribute {name!r}")
-    return getattr(modules.get(_HOMES[name]) or import_module(_HOMES[name]), name)
+    return getattr(modules.get(_HOMES[name]) or _imported(_HOMES[name]), name)
+
+
+def _imported(name: str) -> object:
+    """The module of a name, with what it needs."""
+    with import_module("ncgen.toolchain.undisturbed").undisturbed():
+        return import_module(name)
 
 
 def __dir__() -> list[str]:

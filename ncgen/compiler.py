@@ -23,6 +23,7 @@ from ncgen.errors import CompileError, one_of
 from ncgen.model import Model
 from ncgen.model.model import checked_model
 from ncgen.program.programs import EMISSIONS
+from ncgen.toolchain.undisturbed import undisturbed
 
 if TYPE_CHECKING:
     from ncgen.emit.sources import Sources
@@ -94,7 +95,6 @@ def _programs(model: Model, emission: str, timings: Timings, structure: Structur
     timings.stage("import", _import_generator)
     from ncgen.program.assemble import assemble
     from ncgen.symbolic.equations import build_equations
-    from ncgen.toolchain.undisturbed import undisturbed
 
     with undisturbed():
         equations = timings.stage("symbolic", lambda: structure.terms if structure else build_equations(model))
@@ -151,12 +151,13 @@ def compile(
     check_words(backend, emission)
     one_of(effort, "effort", EFFORTS)
     timings = timings or Timings()
-    from ncgen.mechanism.library import CompiledKernels
-    from ncgen.mechanism.numpy_module import NumPyKernels
-    from ncgen.toolchain.cache import compiled
-    from ncgen.toolchain.compilers import flags_for
+    with undisturbed():
+        from ncgen.mechanism.library import CompiledKernels
+        from ncgen.mechanism.numpy_module import NumPyKernels
+        from ncgen.toolchain.cache import compiled
+        from ncgen.toolchain.compilers import flags_for
 
-    sources = sources_of(model, emission, timings, cached=backend != "numpy")
+        sources = sources_of(model, emission, timings, cached=backend != "numpy")
     if backend != "numpy":
         try:
             source = timings.stage("emit", lambda: sources.compiled)

@@ -57,7 +57,7 @@
 /* Sine and cosine of n angles at once: the loop has no branches and calls nothing, so the compiler computes several
  * angles side by side. It adds, multiplies and nothing else, so a number may also be a vector of numbers, and every
  * machine gives the same result. */
-#if defined(NCGEN_SINGLE) || defined(NCGEN_LONG_DOUBLE) || defined(NCGEN_QUAD)
+#if defined(NCGEN_SINGLE) || defined(NCGEN_LONG_DOUBLE) || defined(NCGEN_QUAD) || defined(NCGEN_DUAL_H)
 
 static inline void ncgen_sincos(int n, const ncgen_real *NCGEN_RESTRICT x, ncgen_real *NCGEN_RESTRICT sine,
                                 ncgen_real *NCGEN_RESTRICT cosine)
@@ -126,10 +126,42 @@ static inline void ncgen_sincos(int n, const ncgen_real *NCGEN_RESTRICT x, ncgen
 
 #endif
 
-/* A polynomial in every piece: a row of its origin and degree + 1 coefficients before the first of count knots, and one behind each.
- * What has a period begins again. A number may be a vector of scalars, each with a piece of its own. */
+/* How many of ascending knots are not after s. */
+static inline int ncgen_knots_passed(const ncgen_scalar *knots, int count, ncgen_scalar s)
+{
+    int low = 0, high = count;
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (knots[middle] <= s)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* A polynomial in every piece, and its derivative: a row of its origin and degree + 1 coefficients before the first of count knots, and one
+ * behind each. What has a period begins again. */
+static inline ncgen_scalar ncgen_piece(ncgen_scalar s, const ncgen_scalar *knots, const ncgen_scalar *rows, int count, int degree,
+                                       ncgen_scalar period, ncgen_scalar *derivative)
+{
+    if (period > 0)
+        s -= period * NCGEN_FLOOR((s - knots[0]) / period);
+    const ncgen_scalar *row = rows + ncgen_knots_passed(knots, count, s) * (degree + 2);
+    ncgen_scalar y = row[degree + 1];
+    s -= row[0];
+    *derivative = 0;
+    for (int k = degree; k > 0; --k) {
+        *derivative = *derivative * s + y;
+        y = y * s + row[k];
+    }
+    return y;
+}
+
+#if !defined(NCGEN_PIECES)
 #define NCGEN_PIECES(x, knots, rows, count, degree, period) ncgen_pieces(x, knots, rows, count, degree, period)
 
+/* A number may be a vector of scalars, each with a piece of its own. */
 static inline ncgen_real ncgen_pieces(ncgen_real x, const ncgen_scalar *knots, const ncgen_scalar *rows, int count, int degree,
                                       ncgen_scalar period)
 {
@@ -137,27 +169,13 @@ static inline ncgen_real ncgen_pieces(ncgen_real x, const ncgen_scalar *knots, c
         ncgen_real all;
         ncgen_scalar each[sizeof(ncgen_real) / sizeof(ncgen_scalar)];
     } number;
+    ncgen_scalar derivative;
     number.all = x;
-    for (size_t i = 0; i < sizeof(ncgen_real) / sizeof(ncgen_scalar); ++i) {
-        ncgen_scalar s = number.each[i];
-        if (period > 0)
-            s -= period * NCGEN_FLOOR((s - knots[0]) / period);
-        int low = 0, high = count;
-        while (low < high) {
-            const int middle = (low + high) / 2;
-            if (knots[middle] <= s)
-                low = middle + 1;
-            else
-                high = middle;
-        }
-        const ncgen_scalar *row = rows + low * (degree + 2);
-        ncgen_scalar y = row[degree + 1];
-        s -= row[0];
-        for (int k = degree; k > 0; --k)
-            y = y * s + row[k];
-        number.each[i] = y;
-    }
+    for (size_t i = 0; i < sizeof(ncgen_real) / sizeof(ncgen_scalar); ++i)
+        number.each[i] = ncgen_piece(number.each[i], knots, rows, count, degree, period, &derivative);
     return number.all;
 }
+
+#endif
 
 #endif

@@ -13,7 +13,7 @@ from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernel_batch import CompiledBatch, available
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.run_arguments import InitialState
-from ncgen.mechanism.runtime import Outcome
+from ncgen.mechanism.run_rows import Outcome
 from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.repeat import KernelCall, each, runner
 from ncgen.solver.engines.capabilities import is_emitted

@@ -15,7 +15,9 @@ from ncgen.toolchain.abi import InC
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Kind = Literal["NCGEN_HOLDS_GAP", "NCGEN_HOLDS_RUBBING_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_CONTACT", "NCGEN_HOLDS_RATCHET"]
+Kind = Literal[
+    "NCGEN_HOLDS_GAP", "NCGEN_HOLDS_RUBBING_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_CONTACT", "NCGEN_HOLDS_RATCHET", "NCGEN_HOLDS_LOCK"
+]  # fmt: skip
 
 Slide = Literal["NCGEN_SLIDES_NOT", "NCGEN_BEGINS", "NCGEN_SLIDES_ON", "NCGEN_SLIDES_AS_BEFORE"]
 
@@ -91,6 +93,15 @@ class Active:
     def slip(self, number: int, slip: float, side: float) -> int:
         """The direction in which a joint slips, before `slip`; side: of its velocity."""
         return int(self._library.ncgen_slip_of(self._struct, number, int(slip), int(side)))
+
+
+def direction_of(kind: Kind, held: bool, touches: bool, slip: int, direction: int) -> int:
+    """The direction in which the condition of something that may be held is watched.
+
+    touches: of a contact; slip: the direction in which a joint does; direction: that of the condition
+    """
+    library = runtime_of("double", "events")
+    return int(library.ncgen_way_of(getattr(library, kind), held, touches, slip, direction))
 
 
 def is_still(velocity: float, terms: float, drift: float = 0.0) -> bool:

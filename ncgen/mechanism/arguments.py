@@ -95,7 +95,7 @@ def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]", co
     """
     if array is None:
         return ffi.NULL
-    dtype = DTYPES.get(kind) or _dtype(ffi, kind)
+    dtype = DTYPES[kind] if kind in DTYPES else _dtype(ffi, kind)
     if type(array) is not np.ndarray or array.dtype != dtype or not (array.flags.carray or _is_laid(array.flags)):
         description = f"{array.dtype}, strides {array.strides}" if isinstance(array, np.ndarray) else ""
         raise NcgenError(f"{label}: {type(array).__name__} {description} on its way to C; a contiguous array of {dtype} is needed")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.number_table import FilledSources, table_getter
@@ -15,10 +14,12 @@ from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_check import serves
 from ncgen.mechanism.motion_sources import Seen, filled_motion, motion_source
+from ncgen.mechanism.prepared_run import PreparedRun
 from ncgen.mechanism.properties import is_conservative, is_definite
-from ncgen.mechanism.recall import Files, derived
+from ncgen.mechanism.recall import Files, shared
 from ncgen.mechanism.run_arguments import InitialState
-from ncgen.mechanism.runtime import Dynamics, Outcome
+from ncgen.mechanism.run_rows import Outcome
+from ncgen.mechanism.runtime import Dynamics
 from ncgen.mechanism.runtime_library import Part, compiling_thread, load_with_headers, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.algebra.quasidefinite import Elimination, plan
@@ -75,12 +76,12 @@ class ConstrainedDynamics(Dynamics):
             self._keep(tables.numbers, self._tree, self.number.dtype)
             self._dynamics.tree = self._tree
 
-    def _uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
+    def uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
         """Not where a recursion serves instead: `ncgen_is_reduced`."""
-        recurs = options["formalism"] == number_in_c(FORMALISMS["lagrange"]) and not options.get("frequency") and self.is_recursive
+        recurs = options.get("formalism") == number_in_c(FORMALISMS["lagrange"]) and not options.get("frequency") and self.is_recursive
         if INTEGRATORS[method].tangents == "unless_recursive" and recurs and not self.has_rolling:
             return False
-        return super()._uses_tangents(method, options)
+        return super().uses_tangents(method, options)
 
     @staticmethod
     def _written_out(kernels: Kernels, number: str, samples_of: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
@@ -136,16 +137,24 @@ class ConstrainedDynamics(Dynamics):
         """The model, and its dynamics, in a struct of their own where rows are redundant; rank: of Φ_q."""
         described = self._ffi.new("ncgen_dynamics *", self._dynamics[0])
         described.n_dependent = rank
-        return self._model, described
+        return self.model, described
 
-    def simulate(self, method: str, times: ArrayLike, initial: InitialState, *, rank: int = 0, **options: InC) -> Outcome:
-        """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
-        self._dynamics.n_dependent = rank
-        done = super().simulate(method, times, initial, **options)
-        if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
-            # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
-            done = super().simulate(method, times, initial, newton=True, **options)
-        return done
+    def run_by(self, method: str, **options: InC) -> PreparedRun:
+        """As of any state derivative."""
+        may_fail = INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double"
+        return _PreparedTwice(self, method, options) if may_fail else super().run_by(method, **options)
+
+
+class _PreparedTwice(PreparedRun):
+    """Runs whose steps are iterated without tangents, which next to singular positions does not converge: then they are taken with them."""
+
+    def simulate(self, times: Sequence[float] | np.ndarray, initial: InitialState, **numbers: Any) -> Outcome:
+        done = super().simulate(times, initial, **numbers)
+        return self._with_tangents.simulate(times, initial, **numbers) if done.status == "not converged" else done
+
+    @cached_property
+    def _with_tangents(self) -> PreparedRun:
+        return PreparedRun(self._dynamics, self._method, self._given, newton=True)
 
 
 def row_vectors(m: int, rank: int) -> int:
@@ -165,13 +174,14 @@ def _loaded_motion(kernels: Kernels, number: str, source: FilledSources) -> tupl
 
 
 def _plan(kernels: Kernels) -> Elimination:
-    """How the matrix is factored; of a large one from the cache, or made now."""
+    """How the matrix is factored; of a large one from the cache, where it serves all models with these patterns, or made now."""
 
     def made() -> Elimination:
         return plan(kernels.mass_pattern, kernels.phi_q_pattern)
 
     if kernels.n + kernels.m < MIN_CACHED_UNKNOWNS:
         return made()
-    members = derived(kernels.programs, "elimination, coordinates without mass last", lambda: vars(made()))
+    patterns = [vars(pattern)[name] for pattern in (kernels.mass_pattern, kernels.phi_q_pattern) for name in ("shape", "indptr", "indices")]
+    members = shared(f"elimination, coordinates without mass last, of {patterns}", lambda: vars(made()))
     arrays: dict[str, Any] = {name: tuple(members[name]) for name in Elimination.ARRAYS}
     return Elimination(**members | arrays)

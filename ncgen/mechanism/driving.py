@@ -88,7 +88,8 @@ class Driver:
             "n_breaks": self.n_breaks,
             "breaks": self.breaks,
         }
-        return self._ffi.new("ncgen_signals *", members)
+        self._signals: InC = self._ffi.new("ncgen_signals *", members)
+        return self._signals
 
 
 @once

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, TypeGuard, cast
 
 import numpy as np
@@ -132,7 +131,7 @@ class KernelCalls(KernelData):
             energy[..., 2] += self._finite_external(t, q, qd, p) @ qd
         return energy
 
-    def energies(self, q: np.ndarray, qd: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
+    def energies(self, q: np.ndarray, qd: np.ndarray, t: np.ndarray, p: np.ndarray, rows: list[int] | None = None) -> np.ndarray:
         """Evaluate `energy` at many times.
 
         Parameters
@@ -145,6 +144,8 @@ class KernelCalls(KernelData):
             Times (s), shape (K,).
         p : numpy.ndarray
             Parameters, shape (n_p,), the same at all times.
+        rows : list of int, optional
+            Numbers of the K times that are meant. Default: all.
 
         Returns
         -------
@@ -153,12 +154,15 @@ class KernelCalls(KernelData):
         """
         program = self.programs.programs.get("energy")
         if self._drive is not None or self.model.callbacks or program is None or "qd" not in program.inputs:
-            return np.array([self.energy(*instant, p) for instant in zip(q, qd, t, strict=True)])
-        return self._called_at("energy", zip(t, q, qd, strict=True), p, program.size)
+            return np.array([self.energy(q[i], qd[i], t[i], p) for i in (range(len(t)) if rows is None else rows)])
+        return self._called_at("energy", (t, q, qd), p, rows)
 
-    def _called_at(self, kernel: str, instants: Iterable[tuple[float, np.ndarray, np.ndarray]], p: np.ndarray, size: int) -> np.ndarray:
-        """A kernel of velocities at K instants (t, q, qd), shape (K, size)."""
-        return np.array([self._call(kernel, *instant, p, size) for instant in instants])
+    def _called_at(
+        self, kernel: str, instants: tuple[np.ndarray, np.ndarray, np.ndarray], p: np.ndarray, rows: list[int] | None
+    ) -> np.ndarray:
+        """A kernel of velocities at K rows of t, q and qd, or at all of them, shape (K, size)."""
+        (t, q, qd), size = instants, self.programs.programs[kernel].size
+        return np.array([self._call(kernel, t[i], q[i], qd[i], p, size) for i in (range(len(t)) if rows is None else rows)])
 
     def external_force(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike, p: np.ndarray) -> np.ndarray:
         """Evaluate the forces of the model's Python functions.

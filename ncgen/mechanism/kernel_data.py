@@ -25,6 +25,9 @@ from ncgen.toolchain.preparation import preparing
 
 Found = TypeVar("Found")
 
+_UNKNOWN: Any = object()
+"""In place of a value that is not cached."""
+
 Drive: TypeAlias = Callable[[Any, np.ndarray], np.ndarray]
 """(time, p) -> p with the inputs of that time."""
 
@@ -141,14 +144,17 @@ class KernelData(ABC):
         object
             The value.
         """
-        known = self._known.setdefault(kind, {})
-        if key not in known:
+        known = self._known.get(kind)
+        if known is None:
+            known = self._known.setdefault(kind, {})
+        value = known.get(key, _UNKNOWN)
+        if value is _UNKNOWN:
             with preparing():
                 value = find()
             if most is not None and len(known) >= most:
                 known.clear()
             known[key] = value
-        return known[key]
+        return value
 
     @classmethod
     @abstractmethod

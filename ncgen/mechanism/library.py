@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -98,14 +98,20 @@ class CompiledKernels(Kernels):
             raise self._failed(kernel, status)
         return result.copy()
 
-    def _called_at(self, kernel: str, instants: Iterable[tuple[float, np.ndarray, np.ndarray]], p: np.ndarray, size: int) -> np.ndarray:
-        function, result, pointer = self._call_of(kernel)
-        parameters, rows = p.tobytes(), list[list[float]]()
-        for t, q, qd in instants:
-            if status := function(t, q.tobytes(), qd.tobytes(), parameters, pointer):
+    def _called_at(
+        self, kernel: str, instants: tuple[np.ndarray, np.ndarray, np.ndarray], p: np.ndarray, rows: list[int] | None
+    ) -> np.ndarray:
+        function, n, ffi, count = self.function(kernel), len(self.coordinates), self._ffi, len(instants[0])
+        if rows is None:
+            rows = [*range(count)]
+        size, times = self.programs.programs[kernel].size, instants[0]
+        q, qd = np.ascontiguousarray(instants[1], dtype=float), np.ascontiguousarray(instants[2], dtype=float)
+        out, parameters = np.empty((len(rows), size)), pointer(ffi, p, count=len(self.p0))
+        at, rates, to = pointer(ffi, q, count=count * n), pointer(ffi, qd, count=count * n), pointer(ffi, out)
+        for i, row in enumerate(rows):
+            if status := function(times.item(row), at + row * n, rates + row * n, parameters, to + i * size):
                 raise self._failed(kernel, status)
-            rows.append(result.tolist())
-        return np.array(rows).reshape(-1, size)
+        return out
 
     def _call_of(self, kernel: str) -> _Call:
         """A kernel with this thread's own place for its result."""

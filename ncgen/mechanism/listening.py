@@ -70,8 +70,12 @@ class Listener:
     """
 
     def __init__(self, progress: Callable[[float], None] | None, size: int) -> None:
-        self.progress = progress
-        self.attempts = max(1, min(FIRST, int(WORK / max(size, 1) ** 3)))
+        self._first = max(1, min(FIRST, int(WORK / max(size, 1) ** 3)))
+        self.begin(progress)
+
+    def begin(self, progress: Callable[[float], None] | None) -> None:
+        """Listen to another run."""
+        self.progress, self.attempts = progress, self._first
         self.raised: BaseException | None = None
         self._clock = time.perf_counter()
 

@@ -6,7 +6,7 @@ of these comparisons has another outcome for the numbers of a model, its code is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,12 +19,14 @@ from ncgen.mechanism.recall import Files
 from ncgen.model import Model
 from ncgen.model.traced_numbers import Operation, Trace, TracedComparison, computed
 from ncgen.program.ir.functions import FUNCTIONS
-from ncgen.program.programs import Programs
-from ncgen.symbolic.traced_model import TracedModel, has_structure, traced
+from ncgen.program.programs import Programs, TangentPrograms
+from ncgen.symbolic.traced_model import TracedModel, has_structure, told_apart, traced
 from ncgen.toolchain.cache_location import keep, kept
+from ncgen.toolchain.undisturbed import undisturbed
 
 if TYPE_CHECKING:
     from ncgen.symbolic.equations import Equations
+    from ncgen.symbolic.numbering import Terms
 
 FUNCTIONS_OF_NUMBERS = {name: function.python for name, function in FUNCTIONS.items()}
 
@@ -61,8 +63,9 @@ class Structured:
 
         return build_equations(self.traced.model)
 
-    def recall(self, kind: str, only_exact: bool = False) -> KeptCode | None:
-        """What was kept of a kind for these numbers, or for others where it holds for these, too. only_exact: not for others."""
+    def recall(self, kind: str, only_exact: bool = False, is_traced: bool = True) -> KeptCode | None:
+        """What was kept of a kind for these numbers, or for others where it holds for these, too. only_exact: not for others; is_traced:
+        with traced numbers, from which more can be generated."""
         general, exact = self._keys(kind)
         for key in (exact,) if only_exact else (general, exact):
             entry = kept(recall.KIND, key)
@@ -72,7 +75,7 @@ class Structured:
             operations, comparisons = _restored_trace(*trace)
             values = computed(operations, comparisons, self.numbers, FUNCTIONS_OF_NUMBERS)
             if values is not None:
-                more = recall.restored(plain, Trace(operations), values)
+                more = recall.restored(plain, Trace(operations) if is_traced else None, values)
                 return KeptCode(more, FilledSources(files, None if table is None else [values[k] for k in table], made_for == exact))
         return None
 
@@ -108,8 +111,7 @@ def _told_apart(model: Model, key: str | None) -> tuple[str, list[float]]:
     """Digest of the structure of a model and its numbers, from the cache or found now; no digest where they are not told apart."""
 
     def tell() -> tuple[str, list[float]]:
-        copy = traced(model)
-        return (copy.digest, copy.numbers) if copy else ("", [])
+        return told_apart(model) or ("", [])
 
     if key is None:
         return tell()
@@ -131,6 +133,20 @@ def associate(programs: Programs, structure: Structured | None) -> Structured | 
 
 of = ByPrograms(lambda programs: associate(programs, structured(programs.equations.model, programs.emission)))
 """The mechanism of some programs as one of its structure."""
+
+
+def kept_tangents(programs: Programs, kind: str, make: Callable[[Terms], TangentPrograms]) -> TangentPrograms:
+    """Tangent programs of a mechanism: kept for its structure, else for itself, or made now of its equations."""
+    structure = of(programs)
+    if structure is None:
+        return recall.derived_tangents(programs, kind, lambda: make(programs.equations))
+    with undisturbed():
+        entry = structure.recall(kind, is_traced=False)
+        if entry is not None:
+            return TangentPrograms(kind, *entry.more)
+        made = make(structure.terms)
+        structure.remember(kind, (made.programs, made.patterns), {}, None)
+        return TangentPrograms(kind, *recall.untraced((made.programs, made.patterns)))
 
 
 def _restored_trace(operations: Sequence[Any], comparisons: Sequence[Any]) -> tuple[list[Operation], list[TracedComparison]]:

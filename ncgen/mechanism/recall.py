@@ -44,6 +44,9 @@ OPERATIONS, TRACED = "operations", "traced"
 JSON_TYPES = (float, int, type(None))
 """What stands for an operation without arguments as JSON can say it."""
 
+JSON_NUMBERS = (int, float)
+"""What long lists are of, as they are."""
+
 
 def key(model: Model, emission: str) -> str | None:
     """What the sources of a model are kept under; None for a model that cannot be told from others."""
@@ -121,9 +124,14 @@ def plain(value: Any) -> Json:
     return _plain(value, True)
 
 
-def restored(data: Any, trace: Trace, values: Sequence[float]) -> Any:
-    """What `plain` made, with these values of the operations of a trace."""
-    return _restored(data, lambda operation: Traced(values[operation], trace, operation))
+def restored(data: Any, trace: Trace | None, values: Sequence[float]) -> Any:
+    """What `plain` made, with these values of the operations of a trace, which they know of where it is given."""
+    return _restored(data, values.__getitem__ if trace is None else lambda operation: Traced(values[operation], trace, operation))
+
+
+def untraced(value: Any) -> Any:
+    """Programs with plain numbers for traced ones."""
+    return _restored(_plain(value))
 
 
 def _plain(value: Any, is_traced: bool = False) -> Json:
@@ -157,7 +165,7 @@ def _operations(parts: list[Any], number: Callable[[int], float]) -> tuple[Op, .
 def _restored(data: Any, number: Callable[[int], float] = float) -> Any:
     """What `_plain` made plain. number: gives a traced number by its operation."""
     if isinstance(data, list):
-        return tuple([_restored(member, number) for member in data])
+        return tuple([member if member.__class__ in JSON_NUMBERS else _restored(member, number) for member in data])
     if isinstance(data, dict):
         ((name, parts),) = data.items()
         if name == OPERATIONS:

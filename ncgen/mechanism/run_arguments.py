@@ -36,7 +36,7 @@ class RunInputs:
     """
 
     signals: Sequence[InputPieces | Function | None] = ()
-    breaks: ArrayLike = ()
+    breaks: np.ndarray | tuple[()] = ()
     rule: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
 
 

@@ -8,8 +8,7 @@ Emitted: the elimination as straight-line code for one mechanism and one choice,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,89 +17,23 @@ from numpy.typing import ArrayLike, DTypeLike
 from ncgen.emit.naming import prefix_of
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
-from ncgen.mechanism.callbacks import Choices, ExternalForces
-from ncgen.mechanism.conditions_in_c import Watched
-from ncgen.mechanism.driving import Driver
+from ncgen.mechanism.callbacks import ExternalForces
 from ncgen.mechanism.in_python import in_python, tangents_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
-from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.motion_sources import Written
+from ncgen.mechanism.prepared_run import PreparedRun
 from ncgen.mechanism.properties import uses_tangents
-from ncgen.mechanism.run_arguments import NO_INPUTS, UNWATCHED_RUN, InitialState, Monitor, RunInputs
-from ncgen.mechanism.runtime_library import Recursion, interface_of, load_with_headers, model_in, part_for, runtime_of
-from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
+from ncgen.mechanism.run_arguments import InitialState
+from ncgen.mechanism.run_rows import Outcome
+from ncgen.mechanism.run_space import RunSpaces, SpaceSizes
+from ncgen.mechanism.runtime_library import Recursion, interface_of, load_with_headers, model_in, runtime_of
+from ncgen.methods.table import FORMALISMS, number_in_c
 from ncgen.program.programs import Split
 from ncgen.toolchain.abi import NUMBERS, InC
 
 PARTITIONED = number_in_c(FORMALISMS["coordinate-partitioning"])
 """The formalism that a run has where nothing else is said."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Outcome:
-    """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
-
-    t (rows,) in s: their times, those asked for but for movable; q, qd (rows, n); work (rows,); status "ok" or the reason
-    reached: time (s) of the state `last` = (q, qd, work); tried: time of the last stage; stiff: how often it was found stiff
-    raised: what ended the run from outside, or None; crossed: numbers of the conditions at which it stopped
-    next_step (s): what an explicit method with error control would try next
-    """
-
-    t: np.ndarray
-    q: np.ndarray
-    qd: np.ndarray
-    work: np.ndarray
-    status: str
-    reached: float
-    last: tuple[np.ndarray, np.ndarray, float]
-    steps: int
-    rejected: int
-    repeated: int
-    evaluations: int
-    newton_steps: int
-    factorisations: int = 0
-    perturbed: int = 0
-    refinements: int = 0
-    stopped: bool = False
-    largest_projection: float = 0.0
-    jacobians: int = 0
-    fallbacks: int = 0
-    tried: float = 0.0
-    stiff: int = 0
-    raised: BaseException | None = None
-    crossed: tuple[int, ...] = ()
-    next_step: float = 0.0
-
-    def completed(self) -> Outcome:
-        """This outcome, unless something was raised while the run went on: that is raised now."""
-        if self.status == "interrupted":
-            raise self.raised or KeyboardInterrupt()
-        return self
-
-
-COUNTS = (
-    "steps", "rejected", "repeated", "evaluations", "newton_steps", "factorisations", "perturbed", "refinements", "jacobians", "fallbacks",
-    "stiff",
-)  # fmt: skip
-"""Members that are those of `ncgen_statistics`."""
-
-
-def _reached(rows: Sequence[np.ndarray], done: int, statistics: InC) -> dict[str, Any]:
-    """Members of an outcome that C wrote: so many of the rows of t, q, qd and work, the last state, which has a row of its own; counts."""
-    t, q, qd, work = (np.asarray(row[:done], dtype=float) for row in rows)
-    reals = {name: float(getattr(statistics, name)) for name in ("next_step", "largest_projection", "tried")}
-    return {
-        **{name: getattr(statistics, name) for name in COUNTS},
-        **reals,
-        "reached": float(statistics.t),
-        "last": tuple(row[-1].astype(float) for row in rows[1:]),
-        "stopped": bool(statistics.stopped),
-        "t": t,
-        "q": q,
-        "qd": qd,
-        "work": work,
-    }
 
 
 class Dynamics:
@@ -118,7 +51,7 @@ class Dynamics:
         self._ffi = interface_of(number)
         self._dynamics: InC = self._ffi.new("ncgen_dynamics *")
         descriptor, self._model_library = model_in(kernels, number)
-        self._model = self._ffi.cast("const ncgen_model *", descriptor)
+        self.model = self._ffi.cast("const ncgen_model *", descriptor)
         self._arrays: list[np.ndarray] = []
         self._keep({"column_sizes": kernels.column_sizes, "row_sizes": kernels.row_sizes}, self._dynamics, self.number.dtype)
         self._external = kernels.remember("external forces", (), lambda: ExternalForces(kernels)) if kernels.model.callbacks else None
@@ -144,75 +77,17 @@ class Dynamics:
         struct.n_independent, struct.n_dependent = len(split.independent), len(split.dependent)
         self._keep({"independent": split.independent, "dependent": split.dependent, "rows": split.rows}, struct, np.intc)
 
-    def simulate(
-        self,
-        method: str,
-        times: ArrayLike,
-        initial: InitialState,
-        *,
-        inputs: RunInputs = NO_INPUTS,
-        monitor: Monitor = UNWATCHED_RUN,
-        movable: np.ndarray | None = None,
-        newton: bool = False,
-        **options: InC,
-    ) -> Outcome:
+    def simulate(self, method: str, times: Sequence[float] | np.ndarray, initial: InitialState, **options: Any) -> Outcome:
         """Run over the times (s) of a grid (first one is the start).
 
-        movable: a mask over the times of rows that may have the end of the step around them, which saves the stages of an interpolant
-        newton: with tangents, also where a method can do without them
-        options: the other members of `ncgen_options`, by their names; sizes is an array, or None for 1
+        options: arguments of `PreparedRun.simulate`, and members of `ncgen_options` by their names; sizes is an array, or None for 1
         """
-        ffi, n, dtype, where = self._ffi, self.kernels.n, self.number.dtype, self.kernels.name
-        real = partial(pointer, ffi, kind=self.number.array)
-        library = runtime_of(self.number.name, part_for(method, self.recursion))
-        times = np.ascontiguousarray(times, dtype=dtype)
-        rows_and_last = len(times) + 1
-        out_q, out_qd, out_work = (np.empty(shape, dtype) for shape in ((rows_and_last, n), (rows_and_last, n), rows_and_last))
-        sizes = options.pop("sizes", None)
-        settings = ffi.new("ncgen_options *", {"method": number_in_c(INTEGRATORS[method]), "rtol": 1e-8, "atol": 1e-10, **options})
-        if sizes is not None:
-            sizes = laid(sizes, dtype, sum(self._state(options.get("formalism", PARTITIONED))) + 1, f"{where}: sizes")
-            settings.sizes = real(sizes)
-        row_times = times
-        if movable is not None:
-            movable, row_times = np.ascontiguousarray(movable, dtype=np.intc), times.copy()
-            settings.movable, settings.row_times = pointer(ffi, movable, "int[]", len(times), f"{where}: movable"), real(row_times)
-        listener = Listener(monitor.progress, self._eliminated)
-        context = ffi.new_handle(listener)
-        settings.progress, settings.context, settings.attempts_left = watch(self.number.name), context, listener.attempts
-        driver = Driver(inputs.signals, self.number, inputs.breaks) if any(inputs.signals) or np.size(inputs.breaks) else None
-        if driver:
-            signals = driver.signals(library.ncgen_piecewise_inputs)
-            settings.signals = signals
-        called = [*self.called, *([Choices(self.kernels, inputs.rule)] if inputs.rule else [])]
-        if inputs.rule:
-            settings.parameter_rule = called[-1].function
-        watched = Watched(monitor.conditions, ffi, self.number) if monitor.conditions else None
-        if watched:
-            settings.event = watched.struct
-        if newton or self._uses_tangents(method, options):
-            self._take_tangents()
-        else:
-            self._dynamics.tangents = ffi.NULL
-        work, integers = self._space(library, settings)
-        statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
-        start = self._start(initial, options.get("formalism", PARTITIONED))
-        pointers = [real(a) for a in (*start, times, out_q, out_qd, out_work, work)]
-        for each in called:
-            each.begin()
-        status = library.ncgen_simulate(
-            self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
-            pointer(ffi, integers, "int[]"),
-        )  # fmt: skip
-        if watched:
-            watched.report()
-        raised = next((each.raised for each in (listener, driver, *called) if each and each.raised), None)
-        return Outcome(
-            status="interrupted" if raised else STATUS[status],
-            crossed=watched.crossed if watched else (),
-            raised=raised,
-            **_reached((row_times, out_q, out_qd, out_work), rows[0], statistics),
-        )
+        numbers = {name: options.pop(name) for name in ("inputs", "monitor", "movable", "rank") if name in options}
+        return self.run_by(method, **options).simulate(times, initial, **numbers)
+
+    def run_by(self, method: str, **options: InC) -> PreparedRun:
+        """Runs by a method with these options, of which what depends on a run's numbers is left open."""
+        return PreparedRun(self, method, options)
 
     def jacobian(
         self, t: float, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, formalism: str = "coordinate-partitioning", **options: InC
@@ -222,45 +97,54 @@ class Dynamics:
         q, velocities, p: as of `InitialState`; options: as for `simulate`."""
         ffi, library = self._ffi, runtime_of(self.number.name, "whole")
         self._take_tangents()
-        settings = ffi.new("ncgen_options *", {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options})
-        work, integers = self._space(library, settings)
-        inputs = self._start(InitialState(q, velocities, p), number_in_c(FORMALISMS[formalism]))
-        count = len(inputs[2])
+        options = {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options}
+        settings, count, where = ffi.new("ncgen_options *", options), self.state_counts(options)[0], self.kernels.name
+        counts = {"p": (p, len(self.kernels.p0)), "q": (q, self.kernels.n), "velocities": (velocities, count)}
+        inputs = [laid(array, self.number.dtype, count, f"{where}: {name}") for name, (array, count) in counts.items()]
         out = np.empty(self._jacobian_shape(count) if formalism == "coordinate-partitioning" else (count, 2 * count), self.number.dtype)
+        work = np.empty(library.ncgen_workspace(self.model, self._dynamics, settings), self.number.dtype)
         pointers = [pointer(ffi, a, self.number.array) for a in (*inputs, out, work)]
-        status = library.ncgen_dynamics_jacobian(self._model, self._dynamics, settings, t, *pointers, pointer(ffi, integers, "int[]"))
+        integers = pointer(ffi, np.empty(self._n_integers, dtype=np.intc), "int[]")
+        status = library.ncgen_dynamics_jacobian(self.model, self._dynamics, settings, t, *pointers, integers)
         if status:
             raise NcgenError(f"{self.kernels.name}: the Jacobian at t = {t:g} s ended with “{STATUS[status]}”")
         return out
 
-    def _state(self, formalism: int) -> tuple[int, int]:
-        """How many velocities and positions are integrated."""
+    def state_counts(self, options: Mapping[str, InC]) -> tuple[int, int]:
+        """How many velocities and positions are integrated; options: as of `simulate`."""
         n, chosen = self.kernels.n, self._dynamics.n_independent
-        return (chosen, self._positions or chosen) if formalism == PARTITIONED else (n, n)
+        return (chosen, self._positions or chosen) if options.get("formalism", PARTITIONED) == PARTITIONED else (n, n)
 
     _positions = 0
     """Independent coordinates of the positions, where they are others than those of the velocities."""
 
-    def _start(self, state: InitialState, formalism: int) -> list[np.ndarray]:
-        """Parameters, position and velocities as C reads them."""
-        kernels = self.kernels
-        counts = {"p": len(kernels.p0), "q": kernels.n, "velocities": self._state(formalism)[0]}
-        return [laid(getattr(state, name), self.number.dtype, count, f"{kernels.name}: {name}") for name, count in counts.items()]
+    def describe(self, struct: InC, with_tangents: bool) -> None:
+        """Let an ncgen_dynamics be that of a run which takes tangents, or of one that does not."""
+        if with_tangents:
+            self._take_tangents()
+        struct[0] = self._dynamics[0]
+        if not with_tangents:
+            struct.tangents = self._ffi.NULL
 
     @property
     def _eliminated(self) -> int:
         """How many unknowns a stage may have to eliminate; 0 where all that is emitted."""
         return self.kernels.n + self.kernels.m
 
-    def _uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
+    def uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
         """True if a method takes stiffness and damping; options: as of `simulate`."""
         return uses_tangents(self.kernels, method)
 
-    def _space(self, library: InC, settings: InC) -> tuple[np.ndarray, np.ndarray]:
-        """Workspace: numbers and integers."""
-        numbers = library.ncgen_workspace(self._model, self._dynamics, settings)
-        integers = 7 * self.kernels.n + 3 * self.kernels.m
-        return np.empty(numbers, self.number.dtype), np.empty(integers, dtype=np.intc)
+    @cached_property
+    def spaces(self) -> RunSpaces:
+        """What runs that go on at the same time have to themselves."""
+        sizes = SpaceSizes(len(self.kernels.p0), self.kernels.n, self._n_integers, self._eliminated)
+        return RunSpaces(self._ffi, self.number, sizes)
+
+    @property
+    def _n_integers(self) -> int:
+        """Of a workspace."""
+        return 7 * self.kernels.n + 3 * self.kernels.m
 
     def _jacobian_shape(self, velocities: int) -> tuple[int, int]:
         """With coordinate partitioning."""

@@ -21,6 +21,7 @@ from ncgen.emit.runtime_files import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism import recall
 from ncgen.mechanism.arguments import pointer
+from ncgen.mechanism.numbered import kept_tangents
 from ncgen.mechanism.recall import Files
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.evaluate import evaluate
@@ -55,12 +56,12 @@ class Tangents(ABC):
     def by_state(cls, programs: Programs) -> Self:
         """stiffness, damping, phidd_q and phidd_qd."""
 
-        def made() -> TangentPrograms:
+        def made(equations: Terms) -> TangentPrograms:
             from ncgen.program.differentiation.tangent_programs import assemble_tangents
 
-            return assemble_tangents(programs.equations, programs.emission)
+            return assemble_tangents(equations, programs.emission)
 
-        return cls._of(recall.derived_tangents(programs, "tangents", made), programs)
+        return cls._of(kept_tangents(programs, "tangents", made), programs)
 
     @classmethod
     def by_parameters(cls, programs: Programs) -> Self:

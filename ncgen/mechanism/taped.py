@@ -19,7 +19,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.moving_breaks import Jump, Jumping
 from ncgen.mechanism.run_arguments import NO_INPUTS, InitialState, RunInputs
-from ncgen.mechanism.runtime import Outcome
+from ncgen.mechanism.run_rows import Outcome
 from ncgen.mechanism.sweep import DUAL_STEP, Numbers, Sizes, Sweep, dual_numbers
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Integrator, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
@@ -28,7 +28,7 @@ from ncgen.toolchain.once import once
 STEPS_PER_INTERVAL = 4
 """Steps with error control from one time of a grid to the next for which there is room at first."""
 
-SWEEP = ("ncgen_directions.h", "ncgen_directions.c", "ncgen_space.h", "ncgen_vectors.h")
+SWEEP = ("ncgen_directions.h", "ncgen_directions.c", "ncgen_space.c", "ncgen_space.h", "ncgen_vectors.h")
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +269,7 @@ class Segmented:
             q, qd, _ = segment.outcome.last
             initial = replace(initial, q=q, velocities=qd)
         rows = {name: np.concatenate([getattr(segment, name)[k > 0 :] for k, segment in enumerate(parts)]) for name in ("q", "qd", "work")}
-        self.outcome = replace(parts[-1], **rows)
+        self.outcome = parts[-1].with_rows(**rows)
 
     @cached_property
     def _first(self) -> Taped:

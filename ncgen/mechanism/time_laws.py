@@ -72,9 +72,12 @@ class TimeLaws:
 
 def time_laws(kernels: Kernels, of_inputs: bool = False) -> TimeLaws:
     """The switches of time in forces and constraints, found once for a mechanism; of_inputs: with those that depend on inputs alone."""
-    inputs = len(kernels.inputs) if of_inputs else 0
-    changing = {TIME, *(ArrayElement("p", len(kernels.p0) - 1 - k) for k in range(inputs))}
-    return kernels.remember("laws of time", of_inputs, lambda: _laws(kernels, changing))
+
+    def found() -> TimeLaws:
+        inputs = len(kernels.inputs) if of_inputs else 0
+        return _laws(kernels, {TIME, *(ArrayElement("p", len(kernels.p0) - 1 - k) for k in range(inputs))})
+
+    return kernels.remember("laws of time", of_inputs, found)
 
 
 def _laws(kernels: Kernels, changing: Collection[ArrayElement]) -> TimeLaws:

@@ -18,6 +18,9 @@ from ncgen.model.rigid import include
 from ncgen.model.rows import Owner, Row
 from ncgen.model.values import Values, is_number
 
+WEIGHT_ROUNDING = 1e-14
+"""A part of a direction below this fraction of it is rounding."""
+
 
 class BodyElements(OwnConstraints):
     """The part of a model that gives elements to bodies."""
@@ -132,8 +135,10 @@ class BodyElements(OwnConstraints):
         if len(body.frame.directions) < 3 or body.frame.is_parametric or not all(map(is_number, direction)):
             same = next((v for v in body.vectors if v.given == tuple(direction)), None)
             return as_combination(same or self.attach_vector(body, self.free_name(f"{body.name}.{wish}"), direction))
-        weights = arithmetic.weights(body.frame.matrix().T, numbers)
-        parts = [other * weight for weight, other in zip(weights, body.frame.directions, strict=True) if abs(weight) > 1e-14]
+        base = body.frame.matrix().T
+        sizes = WEIGHT_ROUNDING * arithmetic.norm(numbers) / np.linalg.norm(base, axis=1)
+        weights = zip(arithmetic.weights(base, numbers), body.frame.directions, sizes, strict=True)
+        parts = [other * weight for weight, other, size in weights if abs(weight) > size]
         return sum(parts[1:], parts[0])
 
     def _vector_in_plane(self, body: Body, direction: Scalars, wish: str) -> Vector:

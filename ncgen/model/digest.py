@@ -52,10 +52,13 @@ def _words(value: object, known: set[int], words: list[str]) -> None:
 
     known: elements and bodies that have been described, for which a name is enough
     """
-    if isinstance(value, (Element, Body)) and not isinstance(value, Constant) and id(value) in known:
-        words.append(f"{type(value).__name__} {value.name!r}")
-    elif value is None or isinstance(value, (bool, str)):
+    kind = value.__class__
+    if kind is float:
+        words.append(value.hex())
+    elif kind is str or value is None or isinstance(value, (bool, str)):
         words.append(repr(value))
+    elif isinstance(value, (Element, Body)) and not isinstance(value, Constant) and id(value) in known:
+        words.append(f"{type(value).__name__} {value.name!r}")
     elif isinstance(value, (int, np.integer)):
         words.append(repr(int(value)))
     elif isinstance(value, (float, np.floating)):
@@ -73,7 +76,7 @@ def _words(value: object, known: set[int], words: list[str]) -> None:
     elif is_dataclass(value):
         known.add(id(value))
         words.append(type(value).__name__)
-        for name in _members(type(value)):
+        for name in names_of_fields(type(value)):
             _words(getattr(value, name), known, words)
     elif hasattr(value, "free_symbols"):
         import sympy
@@ -84,5 +87,6 @@ def _words(value: object, known: set[int], words: list[str]) -> None:
 
 
 @cache
-def _members(kind: type) -> tuple[str, ...]:
+def names_of_fields(kind: type) -> tuple[str, ...]:
+    """The names of what objects of a class consist of, found once."""
     return tuple(field.name for field in fields(kind))

@@ -7,6 +7,7 @@ reversed vector, `r2.z` the sympy symbol of one component, `psi.rate` the symbol
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
@@ -98,7 +99,15 @@ class Element:
     @property
     def initial(self) -> np.ndarray:
         """The numbers of the initial position, shape (len(components),)."""
+        return self._initial.copy()
+
+    @cached_property
+    def _initial(self) -> np.ndarray:
         return np.array([c.initial for c in self.components])
+
+    def __getstate__(self) -> dict[str, object]:
+        """All but what is found again."""
+        return {name: value for name, value in vars(self).items() if name != "_initial"}
 
     @property
     def given(self) -> tuple[Scalar, ...]:

@@ -20,6 +20,9 @@ from ncgen.model.values import Scalar, as_number_if_constant, is_number, total
 Scalars: TypeAlias = "Sequence[Scalar] | np.ndarray"
 """A vector of values."""
 
+ROUNDING = 4 * np.finfo(float).eps
+"""Cosines between unit vectors below this are zero."""
+
 MIN_RELATIVE_LENGTH = 1e-3
 """A segment shorter than this, over the model's extent, is no length to measure with: ends may coincide but for rounding."""
 
@@ -46,13 +49,19 @@ def cosine(a: Combination, b: Combination) -> Scalar:
     """The cosine of the angle between two directions; what is zero but for rounding is zero."""
     if a.is_parametric or b.is_parametric:
         return as_number_if_constant(dot(a.given, b.given) / (length(a) * length(b)))
-    return cosine_of(a.initial, b.initial)
+    return cosine_of(a.initial, b.initial, max(_rounding_of(a), _rounding_of(b)))
 
 
-def cosine_of(a: np.ndarray, b: np.ndarray) -> float:
-    """The same of two vectors of numbers."""
+def cosine_of(a: np.ndarray, b: np.ndarray, rounding: float = ROUNDING) -> float:
+    """The same of two vectors of numbers, of which `rounding` says what is zero."""
     value = arithmetic.dot(a, b) / (arithmetic.norm(a) * arithmetic.norm(b))
-    return 0.0 if abs(value) < 4 * np.finfo(float).eps else value
+    return 0.0 if abs(value) < rounding else value
+
+
+def _rounding_of(direction: Combination) -> float:
+    """By which a direction may miss what is perpendicular to it: between points by more, the closer they are and the farther away."""
+    size = sum(abs(float(weight)) * float(np.max(np.abs(element.initial))) for weight, element in direction.terms)
+    return ROUNDING * max(1.0, size / arithmetic.norm(direction.initial))
 
 
 def along(direction: Combination, axis: Combination) -> Scalar:

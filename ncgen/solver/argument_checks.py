@@ -258,7 +258,7 @@ def real_numbers(argument: Any, label: str) -> np.ndarray | None:
 
 def has_events(model: Model) -> bool:
     """True for a model in which something happens on the way of a motion."""
-    return bool(names_of_events(model))
+    return bool(model.events or model.frictions or model.ratchets or model.locks)
 
 
 def names_of_events(model: Model) -> list[str]:

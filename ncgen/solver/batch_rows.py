@@ -22,7 +22,11 @@ WITH_ROWS = "with rows of states"
 
 def has_rows(arguments: Mapping[str, Any], names: Collection[str] = STATE_ARGUMENTS) -> bool:
     """Return whether arguments describe a batch: whether one of these names has rows."""
-    return any(_row_count(arguments.get(name)) is not None for name in names)
+    for name in names:
+        value = arguments.get(name)
+        if value is not None and _row_count(value) is not None:
+            return True
+    return False
 
 
 def states_of(mechanism: str, arguments: Mapping[str, Any]) -> list[Any]:

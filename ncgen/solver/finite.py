@@ -72,10 +72,9 @@ REMEDY = "correct the expression, or start and move where it is defined"
 
 
 def is_finite(values: np.ndarray | csr_array) -> bool:
-    """True if no number is infinite or none at all. The sum tells it in nearly all cases, and takes a third of the time."""
+    """True if no number is infinite or NaN. The sum of their squares tells it in nearly all cases, and takes a third of the time."""
     numbers = values if isinstance(values, np.ndarray) else values.data
-    with np.errstate(invalid="ignore", over="ignore"):
-        return math.isfinite(np.add.reduce(numbers, axis=None)) or bool(np.all(np.isfinite(numbers)))
+    return math.isfinite(np.vdot(numbers, numbers)) or bool(np.all(np.isfinite(numbers)))
 
 
 class FiniteKernels:

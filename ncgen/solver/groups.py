@@ -176,10 +176,12 @@ def takes(
     def decorate(function: Function) -> Function:
         parameters = [p for p in inspect.signature(function).parameters.values() if p.kind is not p.VAR_KEYWORD]
         shared = [word for word in _words(group) if word not in unused and word not in {p.name for p in parameters}]
-        known, renamed = [p.name for p in parameters] + shared, former or {}
+        known, renamed = dict.fromkeys([p.name for p in parameters] + shared), former or {}
 
         @wraps(function)
         def checked(*args: Any, **keywords: Any) -> Any:
+            if keywords.keys() <= known.keys():
+                return function(*args, **keywords)
             return function(*args, **_named(function.__name__, keywords, known, unused, renamed))
 
         values, kinds = {**DEFAULTS, **defaults}, _words(group)

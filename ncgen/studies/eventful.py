@@ -21,7 +21,8 @@ from ncgen.solver.events.passage import check_events
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.runs.choice import choose
-from ncgen.solver.runs.run import COMPILED, Run
+from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.settings import COMPILED
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.energy import Instants, drift
 from ncgen.solver.trajectories.happening import Happening
@@ -52,7 +53,7 @@ class EventfulVariants:
             return "outputs mention accelerations or loads"
         try:
             self.run = study.run
-            self.method = choose(self.run).method
+            self.method = choose(self.run.settings).method
             check_events(kernels, self.method, self.run)
             if why := refusal_in_c(kernels):
                 return why

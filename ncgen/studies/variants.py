@@ -24,7 +24,8 @@ from ncgen.solver.motions.batch import in_lanes, side_by_side
 from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.motions.states import CommonCoordinates, States, closed
 from ncgen.solver.positions.partition import determined
-from ncgen.solver.runs.run import EMITTED, Run
+from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.settings import EMITTED
 from ncgen.solver.runs.start import begin, check_count, check_independent
 from ncgen.solver.trajectories.energy import drifts
 from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations

@@ -15,7 +15,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, TypeAlias
+from itertools import chain
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -27,6 +28,7 @@ from ncgen.model.elements import Component, Point, Spatial
 from ncgen.model.expressions import is_symbolic
 from ncgen.model.rigid import NORMAL
 from ncgen.model.values import Parameter, Value, as_sympy, evaluate, is_number, vanishes
+from ncgen.symbolic.integer_inertia import standard_in_integers
 
 if TYPE_CHECKING:
     import sympy
@@ -108,10 +110,12 @@ def centre_weights(standard: StandardInertia) -> tuple[Exact, ...]:
 def _standard(
     inertia: Inertia, axes: Sequence[Sequence[Exact]], origin: Sequence[Exact], parameters: dict[str, Parameter]
 ) -> tuple[tuple[Exact, ...], ...]:
+    mass, lever, tensor = _mass(inertia.mass), [*_exact(inertia.com), *origin], [x for row in inertia.tensor for x in _exact(row)]
+    offset = [c - o for c, o in zip(lever[:3], origin, strict=True)]
+    if not any(map(is_symbolic, (mass, *offset, *tensor, *chain(*axes)))):
+        return standard_in_integers(*cast(Any, (mass, offset, tensor, axes)), rounding=ROUNDING)
     inverse = _inverse(axes)
     sizes = [_norm(row, parameters) for row in inverse]
-    lever, tensor = [*_exact(inertia.com), *origin], [x for row in inertia.tensor for x in _exact(row)]
-    offset = [c - o for c, o in zip(lever[:3], origin, strict=True)]
     half = sum((tensor[4 * k] for k in range(3)), Fraction(0)) / 2
     planar = [[(half if k == l else 0) - tensor[3 * k + l] for l in range(3)] for k in range(3)]
     is_numeric = not any(is_symbolic(x) for row in inverse for x in row)
@@ -137,7 +141,6 @@ def _standard(
     for i in range(3):
         for j in range(i + 1):
             spread[i][j] = spread[j][i] = _cleaned(moment(i, j), whole * sizes[i] * sizes[j])
-    mass = _mass(inertia.mass)
     top = (mass, *(_times(mass, x) for x in a))
     rows = [(_times(mass, a[k]), *(_plus(spread[k][l], _times(mass, a[k] * a[l])) for l in range(3))) for k in range(3)]
     return (top, *map(tuple, rows))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TypeAlias
 from weakref import WeakKeyDictionary
@@ -23,17 +23,21 @@ from ncgen.symbolic.term import LinearForm, Term
 Amount: TypeAlias = "Exact | float"
 """What is added up before it is rounded."""
 
+InertiaEntry: TypeAlias = tuple[str, int, int]
+"""An entry of a body's inertia over its basis: name of the body, row, column."""
+
 
 @dataclass(frozen=True)
 class Amounts:
     """Constant parts of M and of the weights, added up over the bodies.
 
-    offset: the potential energy of what is fixed
+    offset: the potential energy of what is fixed; alone: {entry of M: the entry of a body's own inertia that is all of it}
     """
 
     mass: dict[tuple[Component, Component], Amount]
     weight: dict[Component, Amount]
     offset: Amount
+    alone: dict[tuple[Component, Component], InertiaEntry] = field(default_factory=dict)
 
 
 _given: WeakKeyDictionary[Model, Amounts] = WeakKeyDictionary()
@@ -51,27 +55,30 @@ def amounts_of(model: Model, bodies: Sequence[Body], released: Collection[Compon
     """
     if model in _given and len(bodies) == sum(body.inertia is not None for body in model.bodies.values()) and not released:
         return _given[model]
-    order = {component: i for i, component in enumerate(model.components)}
-    mass: dict[tuple[Component, Component], Amount] = defaultdict(Fraction)
+    components = model.components
+    order = {component: i for i, component in enumerate(components) if not component.fixed or component in released}
+    mass: dict[tuple[int, int], Amount] = defaultdict(Fraction)
+    alone: dict[tuple[int, int], InertiaEntry | None] = {}
     weight: dict[Component, Amount] = defaultdict(Fraction)
     for body in bodies:
         try:
             standard = standard_inertia(body, model.parameters)
         except OverflowError:
             raise _too_large(f"body {body.name}, inertia") from None
-        _add_constant_mass(mass, standard, released)
+        _add_constant_mass(mass, alone, body.name, standard, order)
         _add_weight(weight, standard, model.gravity_field)
     for rotor in rotors:
         (coordinate,) = rotor.coordinate.components
-        mass[coordinate, coordinate] += _field(rotor.inertia, Fraction(0))
+        alone[order[coordinate], order[coordinate]] = None
+        mass[order[coordinate], order[coordinate]] += _field(rotor.inertia, Fraction(0))
     # M is symmetric: a pair stands once, in the order of q.
-    pairs = {pair: m for pair, m in mass.items() if m != 0 and order[pair[0]] <= order[pair[1]]}
+    pairs = {(components[i], components[j]): m for (i, j), m in mass.items() if m != 0}
     offset: Amount = Fraction(0)
     for component, force in weight.items():
         if component.fixed and component not in released:
             offset -= force * _field(component.value, force)
     moving = {c: force for c, force in weight.items() if force != 0 and (not c.fixed or c in released)}
-    return Amounts(pairs, moving, offset)
+    return Amounts(pairs, moving, offset, {(components[i], components[j]): entry for (i, j), entry in alone.items() if entry})
 
 
 def inertia_terms(
@@ -89,16 +96,34 @@ def inertia_terms(
     return masses, _weight_terms(amounts, owner)
 
 
-def _add_constant_mass(mass: dict[tuple[Component, Component], Amount], standard: StandardInertia, released: Collection[Component]) -> None:
-    count = len(standard.directions)  # a crossed direction is no element and has none
-    for k in range(count):
-        for l in range(count):
-            for wk, ck in standard.directions[k]:
-                for wl, cl in standard.directions[l]:
-                    contribution = standard.matrix[k][l] * _exact(wk * wl, standard.matrix[k][l])
-                    for a, b in zip(ck, cl, strict=True):
-                        if all(not c.fixed or c in released for c in (a, b)):
-                            mass[a, b] += contribution
+def _add_constant_mass(
+    mass: dict[tuple[int, int], Amount],
+    alone: dict[tuple[int, int], InertiaEntry | None],
+    name: str,
+    standard: StandardInertia,
+    order: dict[Component, int],
+) -> None:
+    """Add what a body contributes to M, of each pair of coordinates in the order of q alone: summed over the pairs of its elements, which
+    have it in common for all axes. name: of the body; order: of the coordinates that move."""
+    known: dict[tuple[Component, ...], int] = {}
+    forms = [[(weight, known.setdefault(components, len(known))) for weight, components in form] for form in standard.directions]
+    of_elements: dict[tuple[int, int], tuple[Amount, InertiaEntry | None]] = {}
+    for k, (form, entries) in enumerate(zip(forms, standard.matrix, strict=False)):  # a crossed direction is no element and has none
+        for l, (other, entry) in enumerate(zip(forms, entries, strict=False)):
+            if entry.__class__ in (Fraction, float) and not entry:
+                continue
+            for weight, a in form:
+                for factor, b in other:
+                    contribution = entry * _exact(weight * factor, entry)
+                    is_alone = (a, b) not in of_elements
+                    amount = contribution if is_alone else of_elements[a, b][0] + contribution
+                    of_elements[a, b] = amount, (name, k, l) if is_alone and weight * factor == 1 else None
+    numbers = [[order.get(component, -1) for component in components] for components in known]
+    for (a, b), (amount, entry_alone) in of_elements.items():
+        for pair in zip(numbers[a], numbers[b], strict=True):
+            if 0 <= pair[0] <= pair[1]:
+                alone[pair] = None if pair in alone else entry_alone
+                mass[pair] += amount
 
 
 def _exact(weight: float, partner: Exact) -> Fraction | float:
@@ -120,6 +145,8 @@ def _add_weight(weight: dict[Component, Amount], standard: StandardInertia, grav
         coefficient = centre_weights(standard)[k]
         for w, components in standard.directions[k]:
             for component, g in zip(components, gravity, strict=True):
+                if is_number(g) and not g:
+                    continue
                 weight[component] += coefficient * (_exact(w, coefficient) * _field(g, coefficient))
 
 

@@ -7,20 +7,24 @@ equations and programs that know what each constant was computed from.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ncgen.model import Model
 from ncgen.model.catalogue import RowType
-from ncgen.model.digest import NOT_IN_EQUATIONS
+from ncgen.model.digest import NOT_IN_EQUATIONS, names_of_fields
+from ncgen.model.elements import Component
 from ncgen.model.expressions import is_symbolic
-from ncgen.model.traced_numbers import Trace, Traced, unit_near
+from ncgen.model.traced_numbers import Trace, unit_near
 from ncgen.symbolic.inertia import StandardInertia, standard_inertia, take_standard
 from ncgen.symbolic.inertia_terms import Amount, Amounts, amounts_of, take_amounts
 from ncgen.symbolic.omissions import angle_row_type, perpendicular_pairs
 from ncgen.symbolic.tree import spanning_tree
+
+FIELDS = "__dataclass_fields__"
+"""What classes of data have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,41 +45,59 @@ def has_structure(model: Model) -> bool:
     return not (model.parameters or model.curves)
 
 
+def told_apart(model: Model) -> tuple[str, list[float]] | None:
+    """The digest of the structure and the numbers of a model that has one, as of `TracedModel`; None where it holds something that has no
+    name and no value, or numbers whose products are no doubles."""
+    walk = _Walk(model.has_separate_numbers, None)
+    try:
+        walk.model(model)
+    except (TypeError, OverflowError):
+        return None
+    return walk.digest(), walk.numbers
+
+
 def traced(model: Model) -> TracedModel | None:
-    """The structure and the numbers of a model that has one; None where it holds something that has no name and no value, or numbers whose
-    products are no doubles."""
-    walk = _Walk(model.has_separate_numbers)
+    """The copy of a model, and what `told_apart` says of it."""
+    trace = Trace()
+    walk = _Walk(model.has_separate_numbers, trace)
     try:
         copy = walk.model(model)
     except (TypeError, OverflowError):
         return None
-    digest = hashlib.sha256("\n".join(walk.words).encode()).hexdigest()
-    return TracedModel(copy, walk.trace, digest, walk.numbers)
+    return TracedModel(copy, trace, walk.digest(), walk.numbers)
 
 
 class _Walk:
-    """A copy under way. words: of the structure; are_separate: whether numbers that are equal are different ones."""
+    """What a model consists of, in words; with a trace a copy of it, too.
 
-    def __init__(self, are_separate: bool) -> None:
+    words: of the structure; are_separate: whether numbers that are equal are different ones
+    """
+
+    def __init__(self, are_separate: bool, trace: Trace | None) -> None:
         self.words: list[str] = []
         self.numbers: list[float] = []
-        self.trace = Trace()
+        self._trace = trace
         self._are_separate = are_separate
         self._positions: dict[float, int] = {}
-        self._copies: dict[int, tuple[int, Any, Any]] = {}
+        self._copies: dict[object, tuple[int, Any, Any]] = {}
+
+    def digest(self) -> str:
+        return hashlib.sha256("\n".join(self.words).encode()).hexdigest()
 
     def model(self, model: Model) -> Model:
-        """A copy of what equations depend on; all else is shared."""
-        copy = object.__new__(type(model))
+        """A copy of what equations depend on; all else is shared. Without a trace the model itself."""
         members = {key: value if key in NOT_IN_EQUATIONS else self._copy(value) for key, value in vars(model).items()}
-        vars(copy).update(members)
         bodies = [body for body in model.bodies.values() if body.inertia]
-        for body in bodies:
-            take_standard(copy.bodies[body.name], self._inertia(standard_inertia(body, model.parameters)))
-        copies = [body for body in copy.bodies.values() if body.inertia]
-        exact, rounded = amounts_of(model, bodies, (), model.rotors), amounts_of(copy, copies, (), copy.rotors)
-        take_amounts(copy, self._amounts(exact, rounded))
+        inertias = {body.name: self._inertia(standard_inertia(body, model.parameters)) for body in bodies}
+        amounts = self._amounts(amounts_of(model, bodies, (), model.rotors), inertias)
         self._decisions(model)
+        if self._trace is None:
+            return model
+        copy = object.__new__(type(model))
+        vars(copy).update(members)
+        for name, inertia in inertias.items():
+            take_standard(copy.bodies[name], inertia)
+        take_amounts(copy, amounts)
         return copy
 
     def _decisions(self, model: Model) -> None:
@@ -87,11 +109,16 @@ class _Walk:
             self.words.append(f"{link.body.name} on {link.parent}: {axes}")
 
     def _copy(self, value: Any) -> Any:
-        if isinstance(value, (float, np.floating)):
-            return self._float(float(value))
-        if value is None or isinstance(value, (bool, str, int, np.integer)):
+        kind = value.__class__
+        if kind is float:
+            return self._float(value)
+        if kind is str or value is None or isinstance(value, (bool, str, int, np.integer)):
             self.words.append(repr(value))
             return value
+        if kind in (tuple, list, dict) or isinstance(value, (list, tuple, dict)):
+            return self._collection(value)
+        if isinstance(value, (float, np.floating)):
+            return self._float(float(value))
         if isinstance(value, RowType):
             self.words.append(value.key)
             return value
@@ -99,9 +126,7 @@ class _Walk:
             self.words.append(str(value.shape))
             self._copy(value.ravel().tolist() if value.dtype != object else list(value.flat))
             return value
-        if isinstance(value, (list, tuple, dict)):
-            return self._collection(value)
-        if is_dataclass(value):
+        if hasattr(kind, FIELDS):
             return self._object(value)
         if is_symbolic(value):
             import sympy
@@ -119,7 +144,7 @@ class _Walk:
         self.words.append(f"number {position}")
         if position == len(self.numbers):
             self.numbers.append(value)
-        return self.trace.given(value, position)
+        return value if self._trace is None else self._trace.given(value, position)
 
     def _collection(self, value: Any) -> Any:
         self.words.append(f"{len(value)} parts")
@@ -131,33 +156,33 @@ class _Walk:
         return type(value)(*members) if hasattr(value, "_fields") else tuple(members)
 
     def _object(self, value: Any) -> Any:
-        """A copy of an object, one for all places where it stands."""
-        known = self._copies.get(id(value))
+        """A copy of an object, one for all places where it stands; components are what they say, since the normal of planes is one for
+        all models of a process, but not for those from elsewhere."""
+        key = value if isinstance(value, Component) else id(value)
+        known = self._copies.get(key)
         if known is not None:
             self.words.append(f"again {known[0]}")
             return known[1]
-        copy = object.__new__(type(value))
-        self._copies[id(value)] = len(self._copies), copy, value
+        copy = value if self._trace is None else object.__new__(type(value))
+        self._copies[key] = len(self._copies), copy, value
         self.words.append(type(value).__name__)
-        for field in fields(value):
-            object.__setattr__(copy, field.name, self._copy(getattr(value, field.name)))
+        for name in names_of_fields(type(value)):
+            member = self._copy(getattr(value, name))
+            if copy is not value:
+                object.__setattr__(copy, name, member)
         return copy
 
     def _inertia(self, standard: StandardInertia) -> StandardInertia:
         forms = tuple(self._copy(form) for form in standard.directions)
         return replace(standard, directions=forms, matrix=tuple(tuple(self._float(float(x)) for x in row) for row in standard.matrix))
 
-    def _amounts(self, exact: Amounts, rounded: Amounts) -> Amounts:
-        """Sums are numbers of their own, since they are rounded once."""
-        mass = {self._copy(pair): value for pair, value in exact.mass.items()}
-        mass = {pair: self._amount(value, rounded.mass.get(pair)) for pair, value in mass.items()}
-        weight = {self._copy(component): value for component, value in exact.weight.items()}
-        weight = {component: self._amount(value, rounded.weight.get(component)) for component, value in weight.items()}
-        return Amounts(mass, weight, self._amount(exact.offset, rounded.offset))
-
-    def _amount(self, exact: Amount, rounded: Amount | None) -> Amount:
-        """An exact sum, or the number of the model that is all of it."""
-        if not isinstance(rounded, Traced) or not self.trace.is_given(rounded):
-            return self._float(float(exact))
-        self.words.append(f"operation {rounded.operation}")
-        return rounded
+    def _amounts(self, exact: Amounts, inertias: dict[str, StandardInertia]) -> Amounts:
+        """Sums are numbers of their own, since they are rounded once. inertias: of the bodies, as they are copied"""
+        mass: dict[tuple[Component, Component], Amount] = {}
+        for pair, value in exact.mass.items():
+            name, row, column = exact.alone.get(pair, ("", 0, 0))
+            alone = inertias[name].matrix[row][column] if name else 0.0
+            mass[self._copy(pair)] = self._float(float(value)) if unit_near(float(alone)) is not None else alone
+            self.words.append(f"{name} {row} {column}")
+        weight: dict[Component, Amount] = {self._copy(each): self._float(float(value)) for each, value in exact.weight.items()}
+        return Amounts(mass, weight, self._float(float(exact.offset)))

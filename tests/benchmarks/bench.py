@@ -11,6 +11,7 @@
     python tests/benchmarks/bench.py nfourbar --peers          N four-bars next to Pinocchio, MuJoCo and Exudyn
     python tests/benchmarks/bench.py chain --growth            generation and steps of longer and longer chains; or arm
     python tests/benchmarks/bench.py all --defaults            the default call next to the best method; or one hard case
+    python tests/benchmarks/bench.py all --calls               what a call costs beside its run in C; or one MODEL
 
 MODEL is an example's name or a path to a model's file. What is not installed is left out; requirements.txt names it all.
 """
@@ -140,6 +141,17 @@ def defaults(options: argparse.Namespace) -> None:
     print_records(records, default_lines, options.json)
 
 
+def calls(options: argparse.Namespace) -> None:
+    from benchmarks.calls import call_lines, call_records
+
+    names, records = example_names() if options.model == ALL else [options.model], []
+    with progress("calls", len(names)) as advance:
+        for record in call_records(names):
+            records.append(record)
+            advance(len(records))
+    print_records(records, call_lines, options.json)
+
+
 def _only(options: argparse.Namespace, *names: str) -> None:
     if options.model not in names:
         raise ModelError(f"{options.model}: this is not measured of it; choose {', '.join(names)}")
@@ -148,6 +160,7 @@ def _only(options: argparse.Namespace, *names: str) -> None:
 WHAT = {
     "--instructions": instructions, "--derivatives": derivatives, "--tables": paper_tables, "--gradients": gradients,
     "--libraries": libraries, "--data": data, "--arms": arms, "--peers": peers, "--growth": growth, "--defaults": defaults,
+    "--calls": calls,
 }  # fmt: skip
 
 

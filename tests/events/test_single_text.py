@@ -1,4 +1,4 @@
-"""What happens at one instant stands once, in C: no other file has the words of its rules."""
+"""What happens at one instant stands once, most of it in C, and so do other rules: no other file has the words of them."""
 
 from __future__ import annotations
 
@@ -26,6 +26,11 @@ RULES = {
     "what a contact at rest is compared with": (r"rest = r?\(?1\.?0?e-11", ""),
     "what has become of what was held": (r"ncgen_turns|joints\[\d", "ncgen_active.c ncgen_event_table.h"),
     "how a contact slides": (r"gaps\[k\] not in wanted|slides && |ncgen_slides_on;|ncgen_slides_on :", "ncgen_active.c"),
+    "direction that is watched": (r"-slip : direction|-int\(p\[self\.place|slip\] < 0 \?", "ncgen_active.c"),
+    "what may be held": (r"\.on\"|\.sticks\"", "holdables.py"),
+    "conditions of loads": (r"most \+ side|square \+ \(total", ""),
+    "pieces of a curve": (r"knots\[middle\]", "ncgen_math.h"),
+    "forces of joints": (r"push \+= [^\n]*->ratios", "ncgen_tree_solve.c"),
     "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
 }
 """{rule: words that its text has, the file that has it, or two; none where C receives it from the model}"""
@@ -37,7 +42,7 @@ def texts() -> dict[str, str]:
     """{file: text without comments} of Python for events, and of C."""
     root = folder("runtime").parent
     files = [*(root / "solver" / "events").glob("*.py"), *(root / "mechanism").glob("*.py")]
-    files += [*(root / "runtime" / "src").glob("*.[ch]"), *(root / "runtime" / "include").glob("*.h")]
+    files += [path for name in ("src", "include", "lanes") for path in (root / "runtime" / name).glob("*.[ch]")]
     return {path.name: path.read_text(encoding="utf-8") for path in files}
 
 

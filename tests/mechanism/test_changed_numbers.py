@@ -7,6 +7,7 @@ import random
 import subprocess
 import sys
 import sysconfig
+import xml.etree.ElementTree as xml
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,13 @@ from hypothesis import strategies as st
 
 import ncgen
 from ncgen.comparisons.changed_robot import changed_copy
-from ncgen.mechanism import motion_check, numbered
+from ncgen.mechanism import constrained_dynamics, motion_check, numbered
+from ncgen.model.elements import Angle
 from ncgen.model.traced_numbers import Trace, computed
+from ncgen.program.differentiation import tangent_programs
 from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.solver.positions import rank
+from ncgen.symbolic.traced_model import told_apart, traced
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
 
@@ -115,6 +120,39 @@ def test_coincidences_do_not_stay(cache, monkeypatch, tmp_path, first, other):
     agree(other, cache, monkeypatch, tmp_path)
 
 
+def test_linear_equations_of_other_numbers_derive_nothing(cache, monkeypatch, tmp_path):
+    """To the last bit those of a mechanism that was derived by itself."""
+    monkeypatch.setenv("NCGEN_CACHE_DIR", str(tmp_path / "another"))
+    alone = state_matrix(four_bar(b=1.31))
+    monkeypatch.setenv("NCGEN_CACHE_DIR", str(cache))
+    first = state_matrix(four_bar())
+
+    def again(*_):
+        raise AssertionError("derived again")
+
+    monkeypatch.setattr(tangent_programs, "assemble_tangents", again)
+    matrix = state_matrix(four_bar(b=1.31))
+    assert np.array_equal(matrix, alone) and not np.allclose(matrix, first, rtol=1e-3)
+
+
+def state_matrix(model):
+    """Of small motions about the fall from the start."""
+    with pytest.warns(UserWarning, match="neither rest in equilibrium"):
+        return ncgen.linearise(ncgen.compile(model, "c")).A
+
+
+def test_what_the_structure_tells_is_not_found_again(cache, monkeypatch):
+    """Of a large tree: how the matrix is factored; nor are rows that others imply looked for, since its joints tell the rank."""
+    moved(arm([0.3] * 24, [1.3] * 24))
+
+    def again(*_):
+        raise AssertionError("found again")
+
+    monkeypatch.setattr(constrained_dynamics, "plan", again)
+    monkeypatch.setattr(rank, "freedom_at", again)
+    moved(arm([0.3] * 24, [1.3] * 23 + [1.4]))
+
+
 def test_a_motion_that_does_not_suit_is_not_used(cache, monkeypatch, tmp_path):
     """With numbers that are not those of the kernels it is refused, and generated for them alone."""
     moved(arm())
@@ -201,24 +239,80 @@ def test_traced_numbers_are_what_they_were_computed_from(codes, seed):
         assert [values[k] for k in operations] == work(other)
 
 
+def skew_robot(folder, length):
+    """A finger of four skew hinges on a table, the second one so long, beside a leg whose hip is on the first one's axis."""
+    links = [("table", "1"), ("hip", "2"), ("one", "0.3"), ("two", "0.2"), ("three", "0.04"), ("four", "0.01")]
+    joints = [("table", "one", "0.4 0.2 0"), ("one", "two", f"{length!r} 0.013 -0.21"), ("two", "three", "0.011 0.017 -0.023"),
+              ("three", "four", "0.007 -0.019 0.011"), ("table", "hip", f"{0.4 + length - 0.35!r} -0.2 0")]  # fmt: skip
+    inertia = '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.021" iyz="0.001" izz="0.022"/>'
+    text = "".join(
+        f'<link name="{name}"><inertial><origin xyz="0.01 0.02 -0.03"/><mass value="{mass}"/>{inertia}</inertial></link>'
+        for name, mass in links
+    ) + "".join(
+        f'<joint name="{child}_hinge" type="continuous"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/></joint>'
+        for (parent, child, xyz), axis, rpy in zip(
+            joints,
+            ("0 1 0", "0.6 0 0.8", "1 0 0", "0 1 0", "0 1 0"),
+            ("0 0 0", "0.3 -0.7 1.1", "0.1 0.9 -0.4", "0.7 0.2 0.1", "0 0 0"),
+            strict=True,
+        )
+    )
+    path = folder / "skew.urdf"
+    path.write_text(f'<robot name="skew">{text}</robot>', encoding="utf-8")
+    return ncgen.load(path)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "robot", "slidercrank3d", "quadruped"])
+def test_a_model_that_has_travelled_has_the_same_structure(name):
+    """Told with a copy and without one."""
+    model = ncgen.load(name)
+    twin = pickle.loads(pickle.dumps(model))
+    copied = traced(twin)
+    assert told_apart(model) == told_apart(twin) == (copied.digest, copied.numbers)
+
+
+def test_rounding_of_a_length_is_no_structure(tmp_path):
+    """Angles and cosines that are zero but for rounding stay that for other lengths, as do hips on one axis of what rests."""
+    first = skew_robot(tmp_path, 0.35)
+    digests = {traced(skew_robot(tmp_path, 0.35 * factor)).digest for factor in np.random.default_rng(4).uniform(0.9, 1.1, 30).tolist()}
+    assert digests == {traced(first).digest}
+    angles = [element for element in first.elements.values() if isinstance(element, Angle)]
+    assert len(angles) == 5 and all(component.initial == 0.0 for angle in angles for component in angle.components)
+
+
 ROBOT_FILES = sorted(path for path in ROBOTS.rglob("*.urdf")) if ROBOTS.is_dir() else []
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not ROBOTS.is_dir(), reason="needs example-robot-data")
+@pytest.mark.parametrize("quantity", ["mass", "length"])
 @pytest.mark.parametrize("path", ROBOT_FILES, ids=lambda path: path.stem)
-def test_a_changed_robot_file_compiles_nothing(cache, monkeypatch, tmp_path, path):
-    """One mass of the file changed by a percent."""
+def test_a_changed_robot_file_compiles_nothing(cache, monkeypatch, tmp_path, path, quantity):
+    """One mass of the file, or the length in its middle, changed by a percent."""
     try:
         moved_robot(ncgen.load(path))
     except ncgen.NcgenError as refusal:
         pytest.skip(str(refusal))
-    changed, before = changed_copy(path, tmp_path), libraries(cache)
+    changed, before = (changed_copy if quantity == "mass" else with_changed_length)(path, tmp_path), libraries(cache)
     run = moved_robot(ncgen.load(changed))
     assert libraries(cache) == before
     monkeypatch.setenv("NCGEN_CACHE_DIR", str(tmp_path / "another"))
     alone = moved_robot(ncgen.load(changed))
     np.testing.assert_allclose(run.q[-1], alone.q[-1], rtol=1e-9, atol=1e-9)
+
+
+def with_changed_length(path, folder):
+    """A copy of a file whose middle joint is a percent farther from its parent along an axis."""
+    tree = xml.parse(path)
+    origins = [joint.find("origin") for joint in tree.getroot().iter("joint") if joint.find("origin") is not None]
+    lengths = [(origin, k) for origin in origins for k, x in enumerate(origin.get("xyz", "").split()) if abs(float(x)) > 1e-6]
+    origin, k = lengths[len(lengths) // 2]
+    words = origin.get("xyz").split()
+    words[k] = repr(1.01 * float(words[k]))
+    origin.set("xyz", " ".join(words))
+    tree.write(folder / path.name)
+    return folder / path.name
 
 
 def moved_robot(model):

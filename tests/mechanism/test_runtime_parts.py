@@ -11,7 +11,7 @@ import pytest
 import ncgen
 from ncgen.emit.runtime_files import explicit_names, ordinary_names, runtime_names, stiff_names
 from ncgen.exchange.examples import example_module
-from ncgen.mechanism import runtime, runtime_library
+from ncgen.mechanism import prepared_run, runtime_library
 from ncgen.methods.table import AUTO, INTEGRATORS
 from ncgen.solver.engines.acceleration_forms import expected_component
 from ncgen.solver.runs.simulation_options import check_simulation
@@ -19,10 +19,10 @@ from ncgen.solver.runs.simulation_options import check_simulation
 PROGRAM = """
 import sys
 import ncgen
-from ncgen.mechanism import runtime, runtime_library
+from ncgen.mechanism import prepared_run, runtime_library
 
 asked, once = [], runtime_library.runtime_of
-runtime.runtime_of = runtime_library.runtime_of = lambda number, part: asked.append(part) or once(number, part)
+prepared_run.runtime_of = runtime_library.runtime_of = lambda number, part: asked.append(part) or once(number, part)
 kernels = ncgen.compile(ncgen.load("robot"), backend="c")
 ncgen.simulate(kernels, 0.1, **eval(sys.argv[1]))
 print(*sorted(set(asked)))
@@ -80,9 +80,10 @@ def test_explicit_methods_have_the_same_bits_in_both_and_others_are_refused(name
     assert runtime_library.part_for(AUTO) == "explicit"
     found = {}
     for part in ("explicit", "whole"):
-        monkeypatch.setattr(runtime, "part_for", lambda *_, part=part: part)
+        monkeypatch.setattr(prepared_run, "part_for", lambda *_, part=part: part)
         try:
-            found[part] = ncgen.simulate(robot, 0.01, formalism=_formalism(name), integrator=name, max_step=1e-3, points=3, engine="c").q
+            given = {"formalism": _formalism(name), "integrator": name, "max_step": 1e-3, "points": 3, "engine": "c"}
+            found[part] = ncgen.simulate(anew(robot), 0.01, **given).q
         except ncgen.NcgenError as error:
             found[part] = str(error)
     if INTEGRATORS[name].tableau:
@@ -96,8 +97,8 @@ def test_a_small_part_has_the_bits_of_the_whole(name, part, robot, monkeypatch):
     assert runtime_library.part_for(name, "emitted") == part
     found = []
     for taken in (part, "whole"):
-        monkeypatch.setattr(runtime, "part_for", lambda *_, taken=taken: taken)
-        found.append(ncgen.simulate(robot, 0.1, formalism="lagrange", integrator=name, points=3, engine="auto"))
+        monkeypatch.setattr(prepared_run, "part_for", lambda *_, taken=taken: taken)
+        found.append(ncgen.simulate(anew(robot), 0.1, formalism="lagrange", integrator=name, points=3, engine="auto"))
     assert {run.engine for run in found} == {"emitted"} and np.array_equal(found[0].q, found[1].q)
 
 
@@ -106,8 +107,8 @@ def test_a_small_part_for_trees_has_the_bits_of_the_whole(name, part, monkeypatc
     assert runtime_library.part_for(name, "tree") == part
     kernels, found = ncgen.compile(example_module("arm").build(21), backend="c"), []
     for taken in (part, "whole"):
-        monkeypatch.setattr(runtime, "part_for", lambda *_, taken=taken: taken)
-        found.append(ncgen.simulate(kernels, 0.05, formalism="lagrange", integrator=name, points=3))
+        monkeypatch.setattr(prepared_run, "part_for", lambda *_, taken=taken: taken)
+        found.append(ncgen.simulate(anew(kernels), 0.05, formalism="lagrange", integrator=name, points=3))
     assert {run.engine for run in found} == {"tree"} and np.array_equal(found[0].q, found[1].q)
 
 
@@ -115,9 +116,14 @@ def test_a_small_part_for_trees_has_the_bits_of_the_whole(name, part, monkeypatc
     "given", [{"formalism": "coordinate-partitioning"}, {"formalism": "lagrange", "integrator": "rattle", "max_step": 0.01}]
 )
 def test_a_small_part_refuses_what_it_has_not(given, robot, monkeypatch):
-    monkeypatch.setattr(runtime, "part_for", lambda *_: "ordinary")
+    monkeypatch.setattr(prepared_run, "part_for", lambda *_: "ordinary")
     with pytest.raises(ncgen.NcgenError):
-        ncgen.simulate(robot, 0.1, engine="c", **given)
+        ncgen.simulate(anew(robot), 0.1, engine="c", **given)
+
+
+def anew(kernels: ncgen.Kernels) -> ncgen.Kernels:
+    """Other kernels of a mechanism: those that have run keep the part that they took."""
+    return ncgen.compile(kernels.model, backend="c")
 
 
 def _formalism(integrator: str) -> str:

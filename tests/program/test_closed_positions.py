@@ -12,6 +12,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.dynamics import DynamicsPrograms, newton
+from ncgen.program.motions.motion import assemble_motions
 from ncgen.program.programs import Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions
 from ncgen.program.tree.rates import NoRecursion
@@ -71,6 +72,67 @@ def test_positions_close_to_rounding_from_any_angles(make):
         places = np.array(evaluate(program, {"t": 0.0, "q": q, "p": kernels.p0}))
         q[list(split.dependent)] = places
         assert np.max(np.abs(kernels.phi(q, 0.0, kernels.p0)) / kernels.row_sizes) < 1e-14
+
+
+def test_a_motion_closes_by_all_hinges_whichever_coordinates_are_independent():
+    kernels, (equations, angles, found) = given(load("arm"))
+    others = Split(rows=angles.rows, dependent=angles.independent, independent=angles.dependent[: len(angles.independent)])
+    program = assemble_closed_positions(equations, others, found, kernels.column_sizes, range(kernels.n))
+    rng, measured = np.random.default_rng(5), list(angles.independent)
+    q = found[0].q + 1e-3 * rng.uniform(-1, 1, kernels.n)
+    q[measured] += rng.uniform(-3, 3, len(measured))
+    step, rows = np.split(np.array(evaluate(program, {"t": 0.0, "q": q, "p": kernels.p0})), [kernels.n])
+    assert not np.any(step[measured])
+    assert not np.any(rows)
+    assert np.max(np.abs(kernels.phi(q + step, 0.0, kernels.p0)) / kernels.row_sizes) < 1e-14
+
+
+def test_velocities_of_an_open_tree_are_those_of_either_recursion():
+    """A projection, twice the same, whose rest has no momentum along what the joints allow."""
+    kernels, (equations, angles, found) = given(example_module("arm").build(3))
+    _, ways = assemble_motions(equations, found, kernels.column_sizes)
+    assert set(ways) == {"articulated", "composite"}
+    q, rng = found[0].q, np.random.default_rng(6)
+
+    def projected(name, qd):
+        return np.array(evaluate(ways[name], {"t": 0.0, "q": q, "qd": qd, "p": kernels.p0}))[: kernels.n]
+
+    qd, allowed = (rng.uniform(-1, 1, kernels.n) for _ in range(2))
+    once = {name: projected(name, qd) for name in ways}
+    assert np.max(np.abs(once["articulated"] - once["composite"])) < 1e-12
+    assert np.max(np.abs(kernels.phi_q(q) @ once["articulated"])) < 1e-12
+    assert np.max(np.abs(projected("articulated", once["composite"]) - once["composite"])) < 1e-12
+    assert abs(projected("composite", allowed) @ kernels.mass(q) @ (qd - once["articulated"])) < 1e-11
+
+
+def test_a_motion_with_other_joints_does_not_close_by_hinges():
+    kernels, (equations, split, found) = given(load("robot"))
+    with pytest.raises(NoRecursion, match="no independent angle is that of its hinge"):
+        assemble_closed_positions(equations, split, found, kernels.column_sizes, range(kernels.n))
+
+
+def test_a_run_of_hinges_closes_every_step_at_once_and_leaves_the_angles():
+    """By Newton's method the arm took 1.3 steps, and every step moved the angles back along the constraints."""
+    kernels = ncgen.compile(load("arm"))
+    angles = [name for name in kernels.coordinates if name.startswith("psi")]
+    start = {"zd0": dict(zip(angles, np.random.default_rng(7).uniform(-1, 1, len(angles)).tolist(), strict=True)), "points": 3}
+    run = ncgen.simulate(kernels, 0.5, integrator="rk4", max_step=2e-3, **start)
+    tight = ncgen.simulate(kernels, 0.5, rtol=1e-12, **start)
+    assert run.engine == "emitted"
+    assert run.statistics.newton_steps == run.statistics.steps
+    assert max(np.max(np.abs(kernels.phi(q, t, kernels.p0)) / kernels.row_sizes) for t, q in zip(run.t, run.q, strict=True)) < 1e-14
+    assert np.max(np.abs(run.q[-1] - tight.q[-1]) / kernels.column_sizes) < 1e-5
+
+
+def test_fixed_steps_of_loops_close_once_and_stay_where_that_is_near():
+    """Moving along the constraints took another Newton step; the energy shows that nothing is lost without it."""
+    kernels = ncgen.compile(load("fourbar"))
+    run = ncgen.simulate(kernels, 2.0, integrator="rk4", max_step=1e-3, points=5)
+    assert run.engine == "emitted"
+    assert run.statistics.newton_steps == run.statistics.steps
+    assert max(np.max(np.abs(kernels.phi(q, t, kernels.p0)) / kernels.row_sizes) for t, q in zip(run.t, run.q, strict=True)) < 1e-13
+    energies = [sum(kernels.energy(q, qd)[:2]) for q, qd in zip(run.q, run.qd, strict=True)]
+    assert np.ptp(energies) < 1e-8
 
 
 @pytest.mark.parametrize(

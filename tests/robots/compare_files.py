@@ -80,7 +80,11 @@ def space_has_mass(space) -> bool:
 def beside_pinocchio(file: Path, space, robot: Robot) -> Worst:
     import pinocchio as pin
 
-    model, rng, worst = pin.buildModelFromUrdf(str(file)), np.random.default_rng(0), Worst()
+    rng, worst = np.random.default_rng(0), Worst()
+    try:
+        model = pin.buildModelFromUrdf(str(file))
+    except ValueError:
+        return Worst({"refused by Pinocchio": np.nan})
     data = model.createData()
     names = [word(model.names[j], "joint") for j in range(1, model.njoints)]
     if sorted(names) != sorted(space.rates):
@@ -106,7 +110,7 @@ def beside_pinocchio(file: Path, space, robot: Robot) -> Worst:
             j = model.getJointId(joint.name)
             body = word(joint.child, "link")
             point = space.kernels.model.bodies[body].points[0]
-            theirs = pin.getJointJacobian(model, data, j, pin.LOCAL_WORLD_ALIGNED)
+            theirs = pin.getJointJacobian(model, data, j, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)  # one rate: Pinocchio gives (6,)
             theirs[:3] += np.cross(theirs[3:].T, space.element(point, here) - data.oMi[j].translation).T
             worst.look("Jacobian", space.jacobian(point.name, here, body), theirs[:, order])
         if kept and space.n <= SLOPED and np.linalg.cond(mass) < 1e6:

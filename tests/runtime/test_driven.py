@@ -18,7 +18,7 @@ def most(n: int, m: int, nonzeros: int, factor: int, vectors: int, width: int, p
     """NCGEN_DRIVEN_WORKSPACE, read from the header."""
     text = runtime_text("ncgen_driven.h").split("#define NCGEN_DRIVEN_WORKSPACE")[1]
     formula = text[text.index("\\") + 1 : text.index("\n\n")].strip()
-    return eval(formula, {}, locals())
+    return eval(formula, {"NCGEN_GAPS": 0}, locals())  # parts have gaps between them under AddressSanitizer alone
 
 
 @pytest.mark.parametrize("name", EVERY)

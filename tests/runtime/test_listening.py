@@ -17,7 +17,7 @@ from ncgen.methods.method import Method
 from ncgen.report.precision import TimeIsUp, time_limit
 from ncgen.solver.engines.compiled import run, run_constrained
 from ncgen.solver.positions.partition import choose_partitions
-from ncgen.solver.runs.alarms import GOLDEN, N_SAMPLES
+from ncgen.solver.runs.grid import GOLDEN, N_SAMPLES
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances

@@ -68,7 +68,7 @@ def test_what_follows_is_seen(gripper):
 def test_joints_tell_the_rank(gripper, monkeypatch):
     """Of large trees, without a look at what rows imply."""
     found = freedom(gripper)
-    monkeypatch.setattr(rank, "DENSE", 0)
+    monkeypatch.setattr(rank, "MIN_TREE_ROWS", 0)
     monkeypatch.setattr(rank, "freedom_at", None)
     assert rank.rank_at(gripper, gripper.q0, 0.0, gripper.p0) == (found.rank, found.is_singular) == (gripper.n - 4, False)
 

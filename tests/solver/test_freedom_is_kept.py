@@ -61,3 +61,29 @@ def test_other_positions_are_looked_at(monkeypatch):
     moved = ncgen.move(kernels, kernels.q0, {kernels.coordinates[0]: kernels.q0[0] + 1e-3}).q
     assert ncgen.freedom(kernels, moved).dof == ncgen.freedom(kernels, moved, t=1.0).dof
     assert not asked
+
+
+@pytest.mark.parametrize("name", ["fourbar", "robot", "stewart", "bennett", "disc", "slidercrank3d"])
+def test_rows_that_are_clearly_independent_need_no_other_positions(name, monkeypatch):
+    """What is said at once is what six positions around say; where rows depend on others, nothing is."""
+    kernels = ncgen.compile(ncgen.load(name), "numpy")
+    positions = [kernels.q0, *rank.trial_positions(kernels, kernels.q0, count=2)[1:]]
+    quick = [rank._freedom(kernels, q, 0.0, kernels.p0) for q in positions]
+    monkeypatch.setattr(rank, "_has_clear_rank", lambda jacobian: False)
+    for q, found in zip(positions, quick, strict=True):
+        whole = rank._freedom(kernels, q, 0.0, kernels.p0)
+        assert whole.positions > 1 and (found.positions == 1) == (whole.rank == kernels.m)
+        for member in ("rank", "rank_here", "dof", "kept_rows"):
+            assert getattr(found, member) == getattr(whole, member)
+
+
+def test_a_singular_position_is_no_clear_case():
+    """A flat parallelogram, of which the rank drops in the position where all points are on one line."""
+    m = ncgen.Model("flat")
+    O, P = m.point("O", (0, 0), fixed=True), m.point("P", (2, 0), fixed=True)
+    A, B = m.point("A", (1, 0)), m.point("B", (3, 0))
+    for one, other in ((O, A), (A, B), (P, B)):
+        m.distance(one, other)
+    m.body("bar", [A, B], mass=1.0, inertia="rod")
+    found = ncgen.freedom(ncgen.compile(m, "numpy"))
+    assert found.is_singular and found.positions > 1

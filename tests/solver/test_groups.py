@@ -105,7 +105,7 @@ def test_defaults_are_those_of_a_run(kernels):
     """The list of defaults is what a run has where nothing is given."""
     run, start = Run.from_arguments(kernels, 1.0), Initial.from_arguments(kernels)
     words = "rtol", "atol", "max_step", "engine", "number"
-    assert [getattr(run, word) for word in words] == [DEFAULTS[word] for word in words]
+    assert [getattr(run.settings, word) for word in words] == [DEFAULTS[word] for word in words]
     assert (start.t, start.closing) == (DEFAULTS["t0"], DEFAULTS["closing"])
 
 

@@ -31,3 +31,19 @@ def test_it_is_left_as_it_was(was_at_work):
 def test_generating_leaves_it_at_work():
     ncgen.generate(ncgen.load("pendulum"))
     assert gc.isenabled()
+
+
+def test_what_was_made_is_old_at_once():
+    """So no collection of young objects looks through all of it; what somebody froze stays frozen."""
+    gc.collect()
+    with undisturbed():
+        made = [[] for _ in range(5000)]
+    assert any(each is made[0] for each in gc.get_objects(generation=2)) and gc.get_count()[0] < 5000
+    gc.freeze()
+    frozen = gc.get_freeze_count()
+    try:
+        with undisturbed():
+            pass
+        assert gc.get_freeze_count() == frozen
+    finally:
+        gc.unfreeze()

@@ -11,7 +11,6 @@ from ncgen.program.ir.graph import PIECES, Op
 
 GET, SET, CALL, LOOP, END, BRANCH_IF = b"\x20", b"\x21", b"\x10", b"\x03\x40", b"\x0b", b"\x0d\x00"
 I32_CONST, I32_ADD, I32_SUB, I32_MUL, I32_LESS, I32_LOAD = b"\x41", b"\x6a", b"\x6b", b"\x6c", b"\x49", b"\x28\x02"
-IF, ELSE = b"\x04\x40", b"\x05"
 F64_CONST, F64_LOAD, F64_STORE, F64_ADD = b"\x44", b"\x2b\x03", b"\x39\x03", b"\xa0"
 GREATER, LESS, TO_NUMBER = b"\x64", b"\x63", b"\xb7"
 

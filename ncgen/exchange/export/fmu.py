@@ -202,7 +202,7 @@ def _event_variables(events: EventTable) -> dict[str, tuple[str, list[Variable]]
         Variable(name=f"condition({name})", unit="", description=f"condition of event {name}", causality="local")
         for name in events.condition_names
     ]
-    squares = {each.name for each in events.holdables if each.sticks}
+    squares = {each.words for each in events.holdables if each.sticks}
     left = "what its load has left, 1 where it is not held"
     conditions += [
         Variable(

@@ -12,7 +12,7 @@ from ncgen.emit.wasm.linked import Linked, linked_module
 from ncgen.exchange.export.package import Package
 from ncgen.program.algebra.quasidefinite import Elimination
 from ncgen.program.ir.blocks import Pattern, Program
-from ncgen.solver.events.held_mechanism import CONTACT, GAP, JOINT, LOCK, RATCHET, RUBBING_GAP
+from ncgen.solver.events.holdables import CONTACT, GAP, JOINT, LOCK, RATCHET, RUBBING_GAP
 from ncgen.toolchain.generic_wasm import LINKED, WITHOUT_EVENTS, binary
 
 CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM HAPPENED STOPPED STATE FUNCTIONS WORDS".split())

@@ -15,6 +15,7 @@ from ncgen.exchange.robots.robot import Robot, together
 from ncgen.exchange.text import as_path
 from ncgen.model import Model
 from ncgen.model.bodies import check_inertia
+from ncgen.toolchain.undisturbed import undisturbed
 
 SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf", XACRO)
 
@@ -84,19 +85,20 @@ def load_robot(
     stacklevel: of warnings, 1 for who calls this
     Raises ModelError with file and line.
     """
-    from ncgen.exchange.robots.accounting import warn_of
-    from ncgen.exchange.robots.balance import accepted
-    from ncgen.exchange.robots.closing import built
-    from ncgen.exchange.robots.loop_files import loop_file_of
-    from ncgen.exchange.robots.parameters import names_of_parameters
+    with undisturbed():
+        from ncgen.exchange.robots.accounting import warn_of
+        from ncgen.exchange.robots.balance import accepted
+        from ncgen.exchange.robots.closing import built
+        from ncgen.exchange.robots.loop_files import loop_file_of
+        from ncgen.exchange.robots.parameters import names_of_parameters
 
-    as_parameters = names_of_parameters(parameters)
-    robot = read_robot(path)
-    robot = accepted(robot, inertias, robot.floats if floating is None else floating, stacklevel + 1)
-    table = loop_file_of(path) if loops is None else as_path(loops, "the path of a file with loops")
-    if table or robot.loops or robot.follows_from_start:
-        robot = _assembled(robot, table)
-    model = built(robot, (floating, limits, friction, motors, sensors, as_parameters))
+        as_parameters = names_of_parameters(parameters)
+        robot = read_robot(path)
+        robot = accepted(robot, inertias, robot.floats if floating is None else floating, stacklevel + 1)
+        table = loop_file_of(path) if loops is None else as_path(loops, "the path of a file with loops")
+        if table or robot.loops or robot.follows_from_start:
+            robot = _assembled(robot, table)
+        model = built(robot, (floating, limits, friction, motors, sensors, as_parameters))
     warn_of(model.left_out, path.name, stacklevel + 1)
     return model
 

@@ -201,11 +201,14 @@ class Layer:
     def _shared_point(self, hold: Hold) -> PlannedElement:
         """A point on a hinge's axis: one of the parent's, else where the next axis meets it, else the joint's origin.
 
-        Where the parent itself hangs on this axis the point is another one: sharing both would join the child to the parent's parent, too.
+        A parent that rests has a point for each of its hinges: it costs nothing, and axes that coincide may be changed apart. Where the
+        parent itself hangs on this axis the point is another one: sharing both would join the child to the parent's parent, too.
         """
         origin, axis = self._origin(hold.joint), self._axis(hold.joint)
         taken = next((h.start for h in self.holds if h.child is hold.parent and h.axis is hold.axis), None)
-        for point in () if self.apart else (*hold.parent.points, *hold.child.points):
+        rests = hold.parent.name == self.robot.root and not self.floating
+        shared = () if self.apart else hold.child.points if rests else (*hold.parent.points, *hold.child.points)
+        for point in shared:
             if point is not taken and np.linalg.norm(cross(point.value - origin, axis)) < self.near:
                 return hold.child.take(hold.parent.take(point))
         if taken and np.linalg.norm(taken.value - origin) < self.near:

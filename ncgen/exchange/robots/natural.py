@@ -17,7 +17,7 @@ from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stop
 from ncgen.model import Model
 from ncgen.model.arithmetic import across, dot, product
 from ncgen.model.bodies import Body, BodyFrame, choose_basis
-from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
+from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.names import numbered, word
 
 DURATION = 1.0
@@ -280,7 +280,10 @@ class _Builder:
         begins = hold.joint.start
         back = product(rotation_about(hold.sign * axis.initial, -begins), across) if begins else across
         start, end = self._direction(a, back, hold), self._direction(b, across, hold)
-        return self.model.angle(self._free(hold.joint.name), start, end, hold.sign * axis, initial=begins or None)
+        # What is measured is this but for rounding, which is other rounding for other lengths of the robot.
+        is_known = not any(as_combination(direction).is_parametric for direction in (start, end, axis))
+        known: dict[str, Any] = {"lengths": (1.0, 1.0, 1.0), "initial": float(begins)} if is_known else {"initial": begins or None}
+        return self.model.angle(self._free(hold.joint.name), start, end, hold.sign * axis, **known)
 
     def _zero(self, joint: Joint, a: Body, start: Point, axis: np.ndarray) -> Point:
         """The point of the parent from which a slider counts."""

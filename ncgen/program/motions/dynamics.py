@@ -142,7 +142,7 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
     try:
         ways, velocities = assemble_motions(equations, samples, np.asarray(sizes), forced)
         n = len(equations.free)
-        parts = (ways[cheapest(ways)], velocities, closing(equations, split, samples, sizes, range(n)))
+        parts = (ways[cheapest(ways)], velocities[cheapest(velocities)], closing(equations, split, samples, sizes, range(n)))
     except (NoRecursion, EliminationError, SingularError):
         return None
     prepare, (derivative, velocities, closed) = take_out(parts, equations)

@@ -129,6 +129,14 @@ def assemble_mode_conditions(
     return {"conditions": program}
 
 
+def assemble_load_margins(equations: Terms, held: Sequence[HeldLoad], rows: np.ndarray) -> Program:
+    """The program of values and sizes of the conditions of loads, given the multipliers lam (m,); arguments as of
+    `assemble_mode_conditions`"""
+    lines = Lines(equations)
+    lam = [lines.graph.load("lam", row) for row in range(len(equations.rows))]
+    return lines.program("load_margins", ("t", "q", "qd", "p", "lam"), load_conditions(lines, lam, held, rows))
+
+
 def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], rows: np.ndarray) -> list[int]:
     """Return nodes of values and sizes of the conditions of loads. lam (m,): nodes of all multipliers; others as of
     `assemble_mode_conditions`"""

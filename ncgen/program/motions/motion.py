@@ -32,11 +32,12 @@ PIVOT_WEIGHT = 0.2
 
 def assemble_motions(
     equations: Terms, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False
-) -> tuple[dict[str, Program], Program]:
-    """`derivative` by every recursion that applies, and `velocities`. Arguments and errors as for `assemble_recursions`; forced: with
+) -> tuple[dict[str, Program], dict[str, Program]]:
+    """`derivative` and `velocities` by every recursion that applies. Arguments and errors as for `assemble_recursions`; forced: with
     `forces`, along all coordinates, as one more input of the derivative."""
     work = Recursion(equations, None, samples, sizes, forced)
-    return {name: _derivative(work, zdd) for name, zdd in work.ways()}, _velocities(work)
+    derivatives = {name: _derivative(work, zdd) for name, zdd in work.ways()}
+    return derivatives, {name: _velocities(work, changes) for name, changes in work.ways(_momentum(work))}
 
 
 def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:
@@ -45,8 +46,8 @@ def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:
     return work.lines.draft("derivative", FORCED if work.forces else STATE, [*work.lines.rates, *qdd, work.power(zdd), _growth(work)])
 
 
-def _velocities(work: Recursion) -> Program:
-    changes = work.spread(work.solve(_momentum(work)), {})
+def _velocities(work: Recursion, free: Sequence[int]) -> Program:
+    changes = work.spread(free, {})
     more = work.over_coordinates(changes, work.rates.geometry.velocities(changes))
     rates = [work.graph.add(rate, change) for rate, change in zip(work.lines.rates, more, strict=True)]
     return work.lines.draft("velocities", STATE, [*rates, _growth(work)])

@@ -48,10 +48,14 @@ def assemble_closed_positions(
 ) -> Program:
     """The program newton(t, q, p) -> the dependent coordinates; with `moved` Δq of these, which closes exactly, then Φ, which is 0.
 
+    With `moved` the angles of all hinges stay as they are, whichever coordinates are independent.
+
     Raises NoRecursion where the dependent coordinates are not those of an open tree of hinges whose angles are independent.
     """
     check_samples(equations, samples)
     tree = spanning_tree(equations.model)
+    if moved is not None:
+        split = _angles_of_hinges(equations, tree, split)
     hinges = hinges_of(equations, tree, split)
     lines = Lines(equations)
     placed = _Placing(lines, samples[0], tree, hinges).placed
@@ -70,6 +74,17 @@ def assemble_closed_positions(
         outputs = [placed[element][axis] for element, axis in map(where.__getitem__, split.dependent)]
         return lines.program("newton", ("t", "q", "p"), outputs)
     return lines.draft("newton", ("t", "q", "p"), [*(corrections.get(c, zero) for c in moved), *[zero] * len(equations.rows)])
+
+
+def _angles_of_hinges(equations: Terms, tree: Tree, split: Split) -> Split:
+    """The angles of an open tree's hinges as independent coordinates, in place of others that determine as much."""
+    angles = {e.components[0] for e in equations.model.elements.values() if isinstance(e, Angle)}
+    candidates = Split(rows=(), dependent=(), independent=tuple(c for c, component in enumerate(equations.free) if component in angles))
+    hinges = {equations.index[_hinge(equations, tree, link, candidates).angle.components[0]] for link in tree.links}
+    if len(hinges) != len(split.independent):
+        raise NoRecursion("not every independent coordinate is a hinge's angle")
+    others = tuple(c for c in range(len(equations.free)) if c not in hinges)
+    return Split(rows=(), dependent=others, independent=tuple(sorted(hinges)))
 
 
 def hinges_of(equations: Terms, tree: Tree, split: Split) -> list[Hinge]:

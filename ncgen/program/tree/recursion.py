@@ -266,16 +266,12 @@ class Recursion:
 
     # -- accelerations -------------------------------------------------------------------------
 
-    def ways(self) -> Iterator[tuple[str, list[int]]]:
-        """z̈ by every recursion that applies, with its name."""
+    def ways(self, right: Column | None = None) -> Iterator[tuple[str, list[int]]]:
+        """x of (RᵀHR) x = Rᵀ right over the free rates by every recursion that applies, with its name; without a right-hand side z̈."""
         if self.is_open:
-            yield "articulated", self._solve_articulated(self.loads.force)
+            yield "articulated", self._solve_articulated(self.loads.force if right is None else right)
         if not self.is_open or self.joints <= MAX_COMPOSITE_JOINTS:
-            yield "composite", self._solve_composite(self._left)  # (RᵀHR) z̈ = Rᵀ(f − H S …)
-
-    def solve(self, right: Column) -> list[int]:
-        """x of (RᵀHR) x = Rᵀ right over the free rates, by the recursion that suits the tree."""
-        return self._solve_articulated(right) if self.is_open and self.joints > MAX_COMPOSITE_JOINTS else self._solve_composite(right)
+            yield "composite", self._solve_composite(self._left if right is None else right)  # (RᵀHR) z̈ = Rᵀ(f − H S …)
 
     @cached_property
     def _mass(self) -> tuple[Matrix, Column]:

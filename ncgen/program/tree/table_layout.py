@@ -86,14 +86,15 @@ def tables_of(tree: OpenTree) -> TreeTables:
 def _row_indices(tree: OpenTree) -> dict[str, list[int]]:
     """Of the rows that close links, and of those that close loops."""
     closing_entries, products = _closing(tree)
-    ways = [_way(tree, row) for row in tree.closing]
+    implied = [row for row in tree.opposed if row not in tree.closing]
+    rows_of_loops = [*tree.closing, *implied]
+    ways = [_way(tree, row) for row in rows_of_loops]
     return {
         "row_start": _starts([len(rows) for rows in tree.closes]),
         "rows": _flat([list(rows) for rows in tree.closes]),
         "slot_start": _starts([len(slots) for rows in tree.closes for slots in rows.values()]),
         "slots": [slot for rows in tree.closes for slots in rows.values() for slot in slots],
-        "closing": tree.closing,
-        "opposed": tree.opposed,
+        "closing": rows_of_loops,
         "way_start": _starts([len(way) for way in ways]),
         "way": _flat(ways),
         "reach_start": _starts([len(_reach(tree, way)) for way in ways]),

@@ -7,8 +7,9 @@ that body's own coordinates are, its link has a copy of what it shares: such row
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,6 +25,11 @@ RANDOM = 2
 
 ENTRY_ROUNDING = 1e-12
 """A row whose entries are below this in all places, in natural sizes, says nothing: it is what rounding leaves of a constant."""
+
+
+LinkEntries: TypeAlias = tuple[list[int], np.ndarray, np.ndarray]
+"""Rows that close a link, and what their entries over its own slots and over others are, each shape (4, entries): number of the row among
+these, column among the own slots, number of the value, slot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +100,7 @@ class TreeRows(TreeVelocities):
         copied = {slot: c for (_, c), slot in sorted(self.copies.items(), reverse=True)}
         for slot, link in {slot: link for (link, _), slot in sorted(self.copies.items(), reverse=True)}.items():
             self.unknowns[link].append(slot)
+        self._entries_of_links: dict[tuple[int, bool], LinkEntries] = {}
         self.sizes = np.append(self.around.columns, [self.around.columns[copied[slot]] for slot in sorted(copied)])
 
     # -- copies --------------------------------------------------------------------------------
@@ -172,27 +179,42 @@ class TreeRows(TreeVelocities):
 
     # -- steps ---------------------------------------------------------------------------------
 
-    def _block(self, link: int, rows: Mapping[int, Sequence[int]], phi_q: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows that close a link over its own slots, both in natural sizes, and what a step of the others changes in them."""
-        column_of = {c: k for k, c in enumerate(self.unknowns[link])}
-        block, others = np.zeros((len(rows), len(column_of))), np.zeros(len(rows))
-        for i, (r, slots) in enumerate(rows.items()):
-            begin = self.pattern.indptr[r]
-            for k, c in enumerate(slots):
-                value = phi_q[begin + k] / self.around.rows[r]
-                if c in column_of:
-                    block[i, column_of[c]] = value * self.sizes[c]
-                else:
-                    others[i] += value * step[c]
-        return block, others
+    def _entries(self, link: int, with_copies: bool) -> LinkEntries:
+        """The rows that close a link, and their entries."""
+        key = link, with_copies
+        if key not in self._entries_of_links:
+            rows = {r: slots for r, slots in self.closes[link].items() if with_copies or r not in self.copied_rows[link]}
+            column_of = {c: k for k, c in enumerate(self.unknowns[link])}
+            of_link, of_others = [], []
+            for i, (r, slots) in enumerate(rows.items()):
+                for entry, c in enumerate(slots, self.pattern.indptr[r]):
+                    (of_link if c in column_of else of_others).append((i, column_of.get(c, 0), entry, c))
+            inside, outside = (np.array(each, dtype=int).reshape(-1, 4).T for each in (of_link, of_others))
+            self._entries_of_links[key] = list(rows), inside, outside
+        return self._entries_of_links[key]
+
+    def rows_of(self, link: int) -> list[int]:
+        """The rows that close a link, in the order of `block`."""
+        return self._entries(link, True)[0]
+
+    def in_natural_sizes(self, sample: SampledPosition) -> np.ndarray:
+        """The values of Φ_q over the sizes of their rows."""
+        return sample.phi_q / self.around.rows[self.pattern.rows]
+
+    def block(self, link: int, values: np.ndarray, with_copies: bool = True) -> np.ndarray:
+        """Rows that close a link over its own slots, both in natural sizes; values: of Φ_q, in natural sizes of rows."""
+        rows, (i, column, entry, c), _ = self._entries(link, with_copies)
+        block = np.zeros((len(rows), len(self.unknowns[link])))
+        block[i, column] = values[entry] * self.sizes[c]
+        return block
 
     def _step_of_links(self, sample: SampledPosition, with_copies: bool) -> np.ndarray:
         """The smallest change of each link's coordinates (n,), relative to those before it, that closes its rows."""
-        step = np.zeros(len(self.sizes))
+        step, values = np.zeros(len(self.sizes)), self.in_natural_sizes(sample)
         for link, unknowns in enumerate(self.unknowns):
-            rows = {r: slots for r, slots in self.closes[link].items() if with_copies or r not in self.copied_rows[link]}
-            block, others = self._block(link, rows, sample.phi_q, step)
-            right = -sample.phi[list(rows)] - others
+            rows, _, (i, _, entry, c) = self._entries(link, with_copies)
+            right = -sample.phi[rows] - np.bincount(i, values[entry] * step[c], minlength=len(rows))
+            block = self.block(link, values, with_copies)
             step[unknowns] = np.linalg.lstsq(block, right, rcond=RELATIVE_TOLERANCE)[0] * self.sizes[unknowns]
         return step[: self.n]
 
@@ -232,14 +254,11 @@ class TreeRows(TreeVelocities):
             opposed |= {r for r in rows if off[r] > RELATIVE_TOLERANCE * terms[r] + rounding[r]}
         return sorted(opposed)
 
-    def is_regular(self, sample: SampledPosition) -> bool:
-        """True where all rows are independent, link by link."""
-        return not self.vanishing and all(rank == rows == freedom for rank, rows, freedom in self._ranks(sample))
-
-    def _ranks(self, sample: SampledPosition) -> Iterator[tuple[int, int, int]]:
+    def ranks(self, sample: SampledPosition) -> Iterator[tuple[int, int, int]]:
         """Of every link the rank of the rows that close it, how many they are, and what their rank must be."""
+        values = self.in_natural_sizes(sample)
         for link, unknowns in enumerate(self.unknowns):
-            block, _ = self._block(link, self.closes[link], sample.phi_q, np.zeros(len(self.sizes)))
+            block = self.block(link, values)
             largest = np.max(np.abs(block), axis=1, initial=0.0)
             scaled = block / np.where(largest > RELATIVE_TOLERANCE, largest, 1.0)[:, None]
             rank = int(np.linalg.matrix_rank(scaled, tol=RELATIVE_TOLERANCE)) if block.size else 0

@@ -41,6 +41,7 @@ class OpenTree(TreeRows):
     """A tree of bodies whose joints are all that moves, seen in numbers.
 
     patterns: of M and Φ_q; closes_loops: whether rows may close loops; opposed: all that do, of which `closing` imply the others
+    aside: a closed position that is not the mechanism's own, at other parameters where there are some
     Raises NoTables for any other mechanism.
     """
 
@@ -60,6 +61,7 @@ class OpenTree(TreeRows):
         self.closes_loops = closes_loops
         self.leading: list[int] = []
         samples = self._places()
+        self.aside = samples[-1]
         self._leave_out(samples)
         together = self.moving_together(samples[0].q, self._random())
         self.masses = masses_of(self, mass, np.array([sample.mass for sample in samples]), parameters, together)
@@ -234,7 +236,7 @@ class OpenTree(TreeRows):
         """Raise NoTables where a row does not allow what the joints do, or lets more move."""
         self._check_rows(sample, range(len(self.rows)))
         is_closed = self._has_closed_loops(sample)
-        for link, (rank, _, freedom) in enumerate(self._ranks(sample)):
+        for link, (rank, _, freedom) in enumerate(self.ranks(sample)):
             if rank != freedom and (is_closed or not self.copied_rows[link]):
                 raise NoTables(f"{self.tree.links[link].body} can move otherwise than by its joint")
 

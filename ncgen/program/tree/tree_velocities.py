@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+from typing import TypeAlias
+
 import numpy as np
 
 from ncgen.model.elements import Component, Point, Spatial
@@ -10,6 +13,10 @@ from ncgen.model.values import is_number
 from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, NoTables
 from ncgen.symbolic.numbering import Numbering
 from ncgen.symbolic.tree import Tree, by_depth, moving
+
+Level: TypeAlias = tuple[list[int], list[int], list[tuple[bool, list[int], list[int]]]]
+"""Links of equal distance from the ground, their parents (no one's where they hang on the ground), and their screws, those of no link with
+those of the same link: whether these turn, the links, and the screws."""
 
 
 class TreeVelocities:
@@ -37,6 +44,7 @@ class TreeVelocities:
         self.is_point = np.array([isinstance(element, Point) for element in self.elements], dtype=bool)
         self.references = [self._components(self._reference(number)) for number in range(len(tree.links))]
         self.terms = [self._terms(screw) for screw in self.screws]
+        self._levels = self._by_level()
         self.measured: dict[int, tuple[int, float]] = {}
 
     def _component(self, component: Component) -> int:
@@ -59,6 +67,24 @@ class TreeVelocities:
         if not all(is_number(weight) for weight, _ in screw.axis.terms):
             raise NoTables("an axis has parameters")
         return [(float(weight), self._components(element)) for weight, element in screw.axis.terms]
+
+    def _by_level(self) -> list[Level]:
+        """The links of equal distance from the ground, which move with those before."""
+        levels: list[Level] = []
+        depth: dict[int | None, int] = {None: 0}
+        for number, link in enumerate(self.tree.links):
+            depth[number] = depth[link.parent] + 1
+        for _, group in groupby(range(len(self.tree.links)), lambda number: depth[number]):
+            links = list(group)
+            joints: dict[tuple[int, bool], tuple[list[int], list[int]]] = {}
+            for number in links:
+                for order, k in enumerate(self.own[number]):
+                    carriers, screws = joints.setdefault((order, self.screws[k].point is not None), ([], []))
+                    carriers.append(number)
+                    screws.append(k)
+            parents = [parent for number in links if (parent := self.tree.links[number].parent) is not None]
+            levels.append((links, parents, [(turns, *joints[order, turns]) for order, turns in sorted(joints)]))
+        return levels
 
     def values(self, q: np.ndarray) -> np.ndarray:
         """Coordinates, fixed components behind them: (n + fixed,)."""
@@ -97,18 +123,18 @@ class TreeVelocities:
         axes = [sum((weight * values[c] for weight, c in terms), np.zeros(3)) for terms in self.terms]
         origins = values[np.array(self.references)]
         turning, along = (np.zeros((*rates.shape[:-1], len(origins), 3)) for _ in range(2))
-        for number, link in enumerate(self.tree.links):
-            if link.parent is not None:
-                turning[..., number, :] = turning[..., link.parent, :]
-                lever = origins[number] - origins[link.parent]
-                along[..., number, :] = along[..., link.parent, :] + cross(turning[..., link.parent, :], lever)
-            for k in self.own[number]:
-                moved = along if self.screws[k].point is None else turning
-                moved[..., number, :] += rates[..., k, None] * axes[k]
+        for links, parents, joints in self._levels:
+            if len(parents):
+                turning[..., links, :] = turning[..., parents, :]
+                along[..., links, :] = along[..., parents, :] + cross(turning[..., parents, :], origins[links] - origins[parents])
+            for turns, carriers, screws in joints:
+                moved = turning if turns else along
+                moved[..., carriers, :] += rates[..., screws, None] * np.array([axes[k] for k in screws])
         return turning, along, origins
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a × b of vectors (…, 3) and one (3,), as np.cross gives it in a fraction of the time."""
+    """a × b of vectors (…, 3) and (…, 3), as np.cross gives it in a fraction of the time."""
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    return np.stack([y * b[2] - z * b[1], z * b[0] - x * b[2], x * b[1] - y * b[0]], axis=-1)
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)

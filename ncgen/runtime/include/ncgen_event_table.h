@@ -7,7 +7,7 @@
 /* As much workspace as the functions of ncgen_events.h need for `count` conditions, at most `most` velocities that one event sets, or count if that is
  * more, n coordinates, and the numbers that actions set with those of `sliding`. */
 #define NCGEN_EVENTS_WORKSPACE(count, most, n, values) \
-    ((count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 3 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
+    (NCGEN_GAPS + (count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 3 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
 
 /* The same for integers. */
 #define NCGEN_EVENTS_INTEGERS(count) (9 * (count))
@@ -19,7 +19,7 @@
 enum { NCGEN_MOST_REPEATED = 100 };
 
 /* Numbers of workspace of an impact of gaps that have so many velocities. */
-#define NCGEN_IMPACT_WORKSPACE(rows) (3 * (rows) * (rows) + 16 * (rows))
+#define NCGEN_IMPACT_WORKSPACE(rows) (NCGEN_GAPS + 3 * (rows) * (rows) + 16 * (rows))
 
 /* begin cdef */
 
@@ -38,6 +38,9 @@ enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
  * that is at rest, as long as it is pushed back; a lock, until it is freed; a gap of surfaces with friction; a contact that sticks, as long as
  * its gap is held and friction is enough. Joints have two conditions of their load, locks none, others one. */
 enum { NCGEN_HOLDS_GAP, NCGEN_HOLDS_JOINT, NCGEN_HOLDS_RATCHET, NCGEN_HOLDS_LOCK, NCGEN_HOLDS_RUBBING_GAP, NCGEN_HOLDS_CONTACT };
+
+/* The direction of a condition that is not watched. */
+enum { NCGEN_UNWATCHED = 2 };
 
 /* What a note says: an event happened, a gap or joint is held from now on, or is no longer, a joint slips to the other side. */
 enum { NCGEN_HAPPENS, NCGEN_RESTS, NCGEN_LEAVES, NCGEN_TURNS };

@@ -9,6 +9,13 @@
 #include "ncgen.h"
 #include "ncgen_methods.h"
 
+/* For AddressSanitizer: so many numbers behind each part of a workspace, which may not be on the stack then, belong to nobody. A workspace
+ * whose length is a formula has room for those of 64 parts. */
+#ifndef NCGEN_GAP
+#define NCGEN_GAP 0
+#endif
+#define NCGEN_GAPS (64 * NCGEN_GAP)
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -120,12 +127,11 @@ typedef struct ncgen_tree {
     const int *product_start;      /* of such a product, one more */
     const int *products;           /* 2 of each term: entries of Phi_q */
     const ncgen_scalar *fixed;     /* values of the fixed components */
-    int n_closing;
-    const int *closing;            /* rows that do not allow all that the joints do, such as those that close loops */
-    const int *way_start, *way;    /* n_closing + 1: the links that carry a closing row's coordinates, with those before them, the last first */
-    const int *reach_start, *reach; /* n_closing + 1: the screws of these links, and their groups, numbered behind the screws */
-    int n_opposed;
-    const int *opposed;            /* closing rows and those that they imply */
+    int n_closing, n_opposed;
+    const int *closing;            /* n_opposed rows that do not allow all that the joints do, such as those that close loops; the first n_closing
+                                    * of them imply the others, but in some positions */
+    const int *way_start, *way;    /* n_opposed + 1: the links that carry a closing row's coordinates, with those before them, the last first */
+    const int *reach_start, *reach; /* n_opposed + 1: the screws of these links, and their groups, numbered behind the screws */
 } ncgen_tree;
 
 typedef struct ncgen_dynamics {

@@ -1,5 +1,6 @@
 /* ncgen_directions.c: a run that was taped, differentiated along directions, a direction a lane; steps as in ncgen_adjoint.c. */
 #include "ncgen_directions.h"
+#include "ncgen_space.h"
 #include "ncgen_vectors.h"
 #include "ncgen_tableaus.h"
 
@@ -20,25 +21,18 @@ typedef struct sweep {
     double *taped;      /* NULL, or where changes of the step's states go, as the tape has these */
 } sweep;
 
-static ncgen_real *take(ncgen_space *space, int count)
-{
-    ncgen_real *const start = space->base ? space->base + space->used : NULL;
-    space->used += (size_t)count;
-    return start;
-}
-
 static void lay_out(sweep *s, int n, int n_p, int method, ncgen_space *space)
 {
     s->n = n;
     s->n_p = n_p;
     s->method = &tableaus[method];
-    s->p = take(space, n_p);
-    s->at = take(space, 2 * n);
-    s->seed = take(space, 2 * n + n_p);
-    s->brief = take(space, n + n_p);
-    s->state = take(space, 2 * n);
-    s->stage_derivatives = take(space, 2 * n * s->method->stages);
-    s->output = take(space, 2 * n);
+    s->p = ncgen_take(space, n_p);
+    s->at = ncgen_take(space, 2 * n);
+    s->seed = ncgen_take(space, 2 * n + n_p);
+    s->brief = ncgen_take(space, n + n_p);
+    s->state = ncgen_take(space, 2 * n);
+    s->stage_derivatives = ncgen_take(space, 2 * n * s->method->stages);
+    s->output = ncgen_take(space, 2 * n);
 }
 
 int ncgen_directions_lanes(void)

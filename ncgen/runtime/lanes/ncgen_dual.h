@@ -14,8 +14,6 @@
 
 #include "ncgen.h"
 
-#define NCGEN_MATH_H /* what stands there is for numbers in an order */
-
 typedef union ncgen_dual {
     ncgen_real all;
     double part[2]; /* x, h dx */
@@ -97,37 +95,14 @@ static inline ncgen_real ncgen_dual_pow(ncgen_real base, ncgen_real exponent)
 #define NCGEN_POW(x, y) ncgen_dual_pow(x, y)
 #define NCGEN_FLOOR(x) floor(x) /* of a scalar */
 
-static inline void ncgen_sincos(int n, const ncgen_real *x, ncgen_real *sine, ncgen_real *cosine)
-{
-    for (int i = 0; i < n; ++i) {
-        sine[i] = NCGEN_SIN(x[i]);
-        cosine[i] = NCGEN_COS(x[i]);
-    }
-}
+#define NCGEN_PIECES(x, knots, rows, count, degree, period) ncgen_dual_pieces(x, knots, rows, count, degree, period)
 
-#define NCGEN_PIECES(x, knots, rows, count, degree, period) ncgen_pieces(x, knots, rows, count, degree, period)
+#include "ncgen_math.h"
 
-/* As in ncgen_math.h, with the derivative of the piece. */
-static inline ncgen_real ncgen_pieces(ncgen_real x, const double *knots, const double *rows, int count, int degree, double period)
+static inline ncgen_real ncgen_dual_pieces(ncgen_real x, const double *knots, const double *rows, int count, int degree, double period)
 {
-    double s = ncgen_value(x);
-    if (period > 0)
-        s -= period * floor((s - knots[0]) / period);
-    int low = 0, high = count;
-    while (low < high) {
-        const int middle = (low + high) / 2;
-        if (knots[middle] <= s)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    const double *row = rows + low * (degree + 2);
-    double y = row[degree + 1], derivative = 0;
-    s -= row[0];
-    for (int k = degree; k > 0; --k) {
-        derivative = derivative * s + y;
-        y = y * s + row[k];
-    }
+    double derivative;
+    const double y = ncgen_piece(ncgen_value(x), knots, rows, count, degree, period, &derivative);
     return ncgen_with_change(y, derivative * ncgen_change(x));
 }
 

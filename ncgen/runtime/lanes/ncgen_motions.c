@@ -55,8 +55,8 @@ size_t ncgen_motions_tape(const ncgen_taped *sizes, long steps)
 size_t ncgen_motions_workspace(const ncgen_taped *sizes, int n_rows, long steps)
 {
     const size_t n = (size_t)sizes->n_coordinates, stages = (size_t)tableaus[sizes->method].stages;
-    const size_t there = 9 * n + 4 + 2 * (size_t)n_rows + 2 * n * (stages + 1);
-    const size_t back = ncgen_adjoint_workspace(sizes) + (size_t)(steps + 2) * 2 * n + 4 * n +
+    const size_t there = NCGEN_GAPS + 9 * n + 4 + 2 * (size_t)n_rows + 2 * n * (stages + 1);
+    const size_t back = NCGEN_GAPS + ncgen_adjoint_workspace(sizes) + (size_t)(steps + 2) * 2 * n + 4 * n +
                         2 * (size_t)(sizes->n_parameters + sizes->n_prepared);
     return (there > back ? there : back) * NCGEN_LANES;
 }
@@ -241,7 +241,7 @@ void ncgen_motions_adjoint(const void *transposed, const ncgen_taped *sizes, lon
     ncgen_space space = {(ncgen_real *)workspace, 0};
     ncgen_real *weights = ncgen_take(&space, (int)(steps + 1) * 2 * n);
     ncgen_real *output = ncgen_take(&space, width);
-    ncgen_real *work = ncgen_take(&space, 0);
+    ncgen_real *work = space.base + space.used;
     for (long first = 0; first < count; first += NCGEN_LANES) {
         const int block = count - first < NCGEN_LANES ? (int)(count - first) : NCGEN_LANES;
         const ncgen_real *states = (const ncgen_real *)tapes + (size_t)(first / NCGEN_LANES) * tape_size(sizes, steps);

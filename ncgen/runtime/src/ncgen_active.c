@@ -28,6 +28,13 @@ int ncgen_side_of(int kind, int l)
     return kind == NCGEN_HOLDS_JOINT && !l ? -1 : 1;
 }
 
+int ncgen_way_of(int kind, int is_held, int touches, int slip, int direction)
+{
+    if (is_held || (kind == NCGEN_HOLDS_CONTACT && !touches) || (kind == NCGEN_HOLDS_JOINT && !slip))
+        return NCGEN_UNWATCHED;
+    return kind == NCGEN_HOLDS_CONTACT ? -1 : kind == NCGEN_HOLDS_JOINT ? -slip : direction;
+}
+
 int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift)
 {
     return NCGEN_ABS(velocity) <= standstill * (terms + NCGEN_ABS(drift));

@@ -41,6 +41,10 @@ int ncgen_find_active(ncgen_active *active);
 int ncgen_loads_of(int kind);
 int ncgen_side_of(int kind, int l);
 
+/* The direction in which the condition of something that may be held is watched: NCGEN_UNWATCHED while it is held, of a joint until it stops,
+ * slip being its direction, of a contact until it stops where it touches, otherwise its own. */
+int ncgen_way_of(int kind, int is_held, int touches, int slip, int direction);
+
 /* Does a load no longer hold, by a condition with this value and size? nearly: also where it cannot be told from its limit. */
 int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly);
 

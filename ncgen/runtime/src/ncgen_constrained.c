@@ -224,10 +224,14 @@ int ncgen_follows_from_measured(const ncgen_run *r)
     return !w->motion && ncgen_tree_is_in_closed_form(&w->tree);
 }
 
-int ncgen_recursive_basis(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen)
+int ncgen_recursive_joints(const ncgen_run *r)
 {
-    ncgen_constrained *w = r->constrained;
-    return w->motion ? 0 : ncgen_tree_basis(r, &w->tree, t, q, basis, chosen);
+    return r->dynamics->motion ? 0 : ncgen_tree_joints(r->dynamics->tree);
+}
+
+void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_real *chosen)
+{
+    ncgen_tree_measure(r, &r->constrained->tree, velocities, chosen);
 }
 
 const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen)

@@ -13,8 +13,9 @@ typedef int ncgen_tree_work;
 #define ncgen_tree_velocities(r, w, t, q, qd, out) ((void)(w))
 #define ncgen_tree_closing(r, w, t, q, out) ((void)(w))
 #define ncgen_tree_is_in_closed_form(w) ((void)(w), 0)
+#define ncgen_tree_joints(tree) ((void)(tree), 0)
+#define ncgen_tree_measure(r, w, velocities, chosen) ((void)(r), (void)(w), (void)(velocities), (void)(chosen))
 #define ncgen_tree_along(w, chosen) ((void)(w), (void)(chosen), NULL)
-#define ncgen_tree_basis(r, w, t, q, basis, chosen) ((void)(w), (void)(t), (void)(q), (void)(basis), (void)(chosen), 0)
 #endif
 
 typedef struct ncgen_constrained {
@@ -27,6 +28,7 @@ typedef struct ncgen_constrained {
     ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
     ncgen_real *offset;                        /* n: a position, and how far another one is from it */
     ncgen_real *closed_position;               /* n: for a tape, where closing brought the last state, before it was moved on */
+    ncgen_real moved_at_once;                  /* how far closing moved a position, in natural sizes; -1: it took more than one step */
     ncgen_real pivot_growth;                   /* of its elimination, where it was called last */
     int uses_matrix;                           /* this step goes without it */
     int is_prepared;                           /* are sizes and diagonal of the matrix known? */
@@ -71,9 +73,10 @@ int ncgen_constrained_is_dense(const ncgen_run *r);
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out);
-const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen); /* of ncgen_tree.h, where the basis is its */
+int ncgen_recursive_joints(const ncgen_run *r); /* of ncgen_tree.h where loops over its tables give the motion, else 0 */
+void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_real *chosen); /* of ncgen_tree.h */
+const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen);
 int ncgen_follows_from_measured(const ncgen_run *r); /* is the position that closing gave that of its measured coordinates? */
-int ncgen_recursive_basis(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen);
 ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit); /* the limit with a tape, for one without */
 int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth);             /* of an emitted elimination */
 

@@ -247,5 +247,11 @@ int ncgen_explicit(ncgen_run *r, ncgen_stepping *w)
     if (status != NCGEN_OK)
         return status;
     const int is_fixed = method->n_errors == 0 || !(r->options->rtol > 0 || r->options->atol > 0);
-    return is_fixed ? run_fixed(r, w, method) : run_adaptive(r, w, method);
+    if (is_fixed)
+        return run_fixed(r, w, method);
+    if (ncgen_begins_stiff(r, w, method)) {
+        r->statistics->stiff += 1;
+        return NCGEN_STIFF;
+    }
+    return run_adaptive(r, w, method);
 }

@@ -29,15 +29,12 @@ int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition)
 {
     for (int k = 0; k < events->n_rubbings; ++k)
         if (events->rubbings[k].condition == condition || events->rubbings[k].turn == condition)
-            return ncgen_slides(events, p, events->rubbings + k) ? -1 : NCGEN_UNWATCHED;
+            return ncgen_way_of(NCGEN_HOLDS_CONTACT, 0, ncgen_slides(events, p, events->rubbings + k), 0, 0);
     for (int h = 0; h < events->n_holds; ++h) {
         const ncgen_hold *hold = events->holds + h;
-        if (hold->condition != condition)
-            continue;
-        if (p[hold->on] > 0)
-            return NCGEN_UNWATCHED;
-        if (hold->kind == NCGEN_HOLDS_JOINT)
-            return p[hold->slip] > 0 ? -1 : p[hold->slip] < 0 ? 1 : NCGEN_UNWATCHED;
+        const int slip = hold->kind == NCGEN_HOLDS_JOINT ? (p[hold->slip] > 0) - (p[hold->slip] < 0) : 0;
+        if (hold->condition == condition)
+            return ncgen_way_of(hold->kind, p[hold->on] > 0, 0, slip, events->directions[condition]);
     }
     return events->directions[condition];
 }

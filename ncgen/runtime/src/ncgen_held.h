@@ -4,9 +4,6 @@
 
 #include "ncgen_modes.h"
 
-/* The direction of a condition that is not watched. */
-enum { NCGEN_UNWATCHED = 2 };
-
 static inline int ncgen_is_lock(const ncgen_hold *hold)
 {
     return hold->kind == NCGEN_HOLDS_LOCK;

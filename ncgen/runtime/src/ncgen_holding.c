@@ -68,7 +68,8 @@ static int misses(ncgen_instant *i, const ncgen_driven *d, ncgen_real speed, int
 {
     const ncgen_model *model = d->model;
     const ncgen_pattern *pattern = &model->phi_q_pattern;
-    ncgen_real *values = d->workspace, *nu = values + ncgen_nonzeros(pattern); /* which no call uses now */
+    ncgen_space space = {d->workspace, 0}; /* which no call uses now */
+    ncgen_real *values = ncgen_take(&space, ncgen_nonzeros(pattern)), *nu = ncgen_take(&space, model->n_rows);
     int status = model->phi_q(i->moment->t, i->moment->q, i->p, values);
     if (status == NCGEN_OK && model->nu)
         status = model->nu(i->moment->t, i->moment->q, i->p, nu);

@@ -17,7 +17,7 @@ void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     m->is_reduced = ncgen_is_reduced(r->dynamics, r->options);
     m->is_second_order = !(r->partitioning && r->dynamics->positions);
     m->rows = m->is_second_order ? (r->error_size - 1) / 2 : r->error_size - 1;
-    m->count = m->is_reduced ? ncgen_degrees_of_freedom(r) : m->rows;
+    m->count = m->is_reduced ? ncgen_reduced_count(r) : m->rows;
     m->width = m->is_second_order ? 2 * m->count : m->count;
     w->new_y = ncgen_take(&r->space, ny);
     w->at = ncgen_take(&r->space, ny);
@@ -85,9 +85,11 @@ static void solve_reduced(ncgen_run *r, const ncgen_implicit *m, const ncgen_shi
     ncgen_real *right = m->reduced, *u = m->reduced + 2 * count, *p = m->reduced + 4 * count;
     for (int k = 0; k < parts; ++k) {
         ncgen_reduced_measure(r, &m->along, f + k * ny, right + k * count);
-        for (int i = 0; i < count; ++i)
-            p[k * count + i] = over(shifted, f + n + m->along.chosen[i], ny, k);
+        ncgen_reduced_measure_positions(r, &m->along, f + k * ny + n, u + k * count);
     }
+    for (int k = 0; k < parts; ++k)
+        for (int i = 0; i < count; ++i)
+            p[k * count + i] = over(shifted, u + i, count, k);
     for (int k = 0; k < parts; ++k)
         for (int i = 0; i < count; ++i)
             right[k * count + i] += ncgen_dot(count, row_of(m, i) + count, p + k * count);

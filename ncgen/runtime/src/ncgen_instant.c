@@ -36,7 +36,7 @@ void ncgen_open_instant(ncgen_instant *i, const ncgen_driven *d, const ncgen_eve
     i->arrived = ncgen_take(&space, n);
     ncgen_copy(n, moment->qd, i->arrived);
     i->sliding = ncgen_take(&space, events->n_sliding * (n + 1));
-    i->numbers = ncgen_take(&space, 0); /* the rest */
+    i->numbers = space.base + space.used; /* the rest */
 }
 
 /* Scales: the sizes of terms, and what moving by natural sizes changes. */

@@ -33,6 +33,11 @@ int ncgen_is_implicit(const ncgen_options *options)
     return !ncgen_is_stepper(options) && facts[options->method].tangents != NEVER;
 }
 
+int ncgen_is_fixed_explicit(const ncgen_options *options)
+{
+    return facts[options->method].has_fixed_step && !ncgen_is_stepper(options) && !ncgen_is_implicit(options);
+}
+
 int ncgen_is_possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     const int partitioned = options->formalism == NCGEN_COORDINATE_PARTITIONING;

@@ -3,8 +3,6 @@
 #include "ncgen_active.h"
 #include "ncgen_vectors.h"
 
-enum { OFF = 2 };
-
 static const ncgen_mode *present(const ncgen_events *events, const ncgen_passage *passage)
 {
     return events->n_modes > 0 && *passage->mode > 0 ? events->modes + *passage->mode - 1 : NULL;
@@ -40,7 +38,7 @@ void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_
     in->watched.function = mode->conditions;
     in->watched.directions = passage->directions;
     for (int k = 0; k < events->count; ++k)
-        passage->directions[k] = has(mode, k) ? OFF : events->directions[k];
+        passage->directions[k] = has(mode, k) ? NCGEN_UNWATCHED : events->directions[k];
     for (int i = events->count; i < in->watched.count; ++i) {
         passage->directions[i] = -1;
         passage->signs[i] = 1;

@@ -161,10 +161,21 @@ int ncgen_project_velocity_along(ncgen_run *r, ncgen_scalar t, ncgen_real *kept)
     return status;
 }
 
-/* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; 0 where they do not close, or move the
+/* What closing a position came to: it does not close; it is closed; it is closed where it may stay, since it followed from what its joints
+ * measure, or was moved by about the shortest way. */
+enum { STAYS_OPEN, IS_CLOSED, IS_IN_PLACE };
+
+/* May a position stay where a step has moved it that far, its rows being violated that much? With error control it may not: few steps
+ * end, with many stages each, and the tolerance is for their errors. */
+static int is_near(const ncgen_run *r, const ncgen_constrained *w, ncgen_real moved, ncgen_real violation)
+{
+    return !(violation > 0) || (w->motion && ncgen_is_fixed_explicit(r->options) && moved <= 2 * violation);
+}
+
+/* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; STAYS_OPEN, too, where they move the
  * others by much more than the rows are violated, in natural sizes: where these coordinates hardly determine where the mechanism is. Link by link no
  * coordinate stays as it is, and links pass on what moves the one before. */
-static int close_position(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
+static int close_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
 {
     const ncgen_scalar quadratic_limit = NCGEN_SQRT(r->rounding) * R(10.0), too_far = R(0.1), nothing = 100 * r->rounding;
     for (int k = 0; k < POSITION_LIMIT; ++k) {
@@ -172,18 +183,19 @@ static int close_position(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar
         r->statistics->newton_steps += 1;
         const ncgen_real moved = ncgen_constrained_size(r, w->emitted), violation = ncgen_constrained_violation(r, w->emitted + r->n);
         if (!(moved < too_far) || (w->motion && violation > 0 && moved > ncgen_pivot_growth_limit(r, R(10.0)) * violation + nothing))
-            return 0;
+            return STAYS_OPEN;
         for (int i = 0; i < r->n; ++i)
             r->q[i] += w->emitted[i];
+        w->moved_at_once = k == 0 ? moved : -1;
         if (violation < quadratic_limit)
-            return 1;
+            return ncgen_follows_from_measured(r) || (k == 0 && is_near(r, w, moved, violation)) ? IS_IN_PLACE : IS_CLOSED;
     }
-    return 0;
+    return STAYS_OPEN;
 }
 
 /* r->q moved along the constraints to where it is nearest to w->offset: by the part of the difference that the joints allow. A
  * difference up to `enough`, in natural sizes, stays. */
-static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
+static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
 {
     const int n = r->n;
     ncgen_real *moved = w->emitted, *driven = w->emitted + n + 1;
@@ -202,21 +214,25 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, nc
     for (int i = 0; i < n; ++i)
         r->q[i] += moved[i] - (r->model->nu ? driven[i] : 0);
     /* what is straight leaves the constraints, always to the same side, by about the square of its length */
-    return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t));
+    return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t) != STAYS_OPEN);
 }
 
 /* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below, both are
  * changed as little as can be in the sense of kinetic energy, a position up to `enough`. Where it follows from measured coordinates, these
- * stay as they were integrated, each to the same order as all others. */
-static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
+ * stay as they were integrated, each to the same order as all others; an emitted one with a tape is moved all the same, as the sweep back
+ * over the tape has it. */
+static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
 {
     ncgen_copy(r->n, r->q, w->offset);
-    if (!close_position(r, w, t))
+    const int closing = close_position(r, w, t);
+    if (closing == STAYS_OPEN)
         return 0;
     if (w->closed_position)
         ncgen_copy(r->n, r->q, w->closed_position);
-    if (!ncgen_follows_from_measured(r) && !approach(r, w, t, enough))
+    const int stays = closing == IS_IN_PLACE && !(w->motion && w->closed_position);
+    if (!stays && !approach(r, w, t, enough))
         return 0;
+    w->moved_at_once = stays ? w->moved_at_once : -1;
     ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
     ncgen_copy(r->n, w->emitted, r->qd);
     return ncgen_is_finite(r->n, r->qd);
@@ -244,6 +260,7 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
         ncgen_copy(r->n, y, r->qd);
         ncgen_copy(r->n, y + r->n, r->q);
         const long steps = r->statistics->newton_steps;
+        w->moved_at_once = -1;
         status = factors_are_near ? NCGEN_OK : refresh(r, t);
         if (status == NCGEN_OK)
             status = project_position(r, t, !factors_are_near);
@@ -261,15 +278,18 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
 /* precise: with the factors of this state */
 int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
 {
-    ncgen_copy(r->n, y + r->n, r->constrained->solution);
-    const int status = project(r, t, y, r->constrained->is_factored && !ncgen_constrained_is_dense(r) && !precise, 0, precise);
-    for (int i = 0; i < r->n; ++i)
-        r->constrained->solution[i] -= y[r->n + i];
-    const ncgen_real moved = ncgen_constrained_size(r, r->constrained->solution);
+    ncgen_constrained *w = r->constrained;
+    ncgen_copy(r->n, y + r->n, w->solution);
+    const int status = project(r, t, y, w->is_factored && !ncgen_constrained_is_dense(r) && !precise, 0, precise);
+    ncgen_real moved = w->moved_at_once;
+    for (int i = 0; i < r->n && moved < 0; ++i)
+        w->solution[i] -= y[r->n + i];
+    if (moved < 0)
+        moved = ncgen_constrained_size(r, w->solution);
     if (status == NCGEN_OK && moved > r->statistics->largest_projection)
         r->statistics->largest_projection = moved;
-    r->constrained->has_phi_q = status == NCGEN_OK && r->constrained->is_factored;
-    if (status == NCGEN_OK && r->constrained->is_factored)
+    w->has_phi_q = status == NCGEN_OK && w->is_factored;
+    if (status == NCGEN_OK && w->is_factored)
         ncgen_constrained_rows(r, 1);
     return status;
 }

@@ -4,21 +4,33 @@
  * that the constraints allow nothing is stiff, and Newton's method needs the change of accelerations along these alone. Differences are exact
  * to half of the digits, which costs Newton's method no iteration, and they need no
  * kernels but those of the motion. A basis of the allowed velocities comes from random vectors, projected by the recursion, by Gaussian
- * elimination with full pivoting: the rows of its pivots are coordinates that are independent here. Where all joints of an open tree are
- * measured, their coordinates are, and each column moves one joint.
+ * elimination with full pivoting: the rows of its pivots are coordinates that are independent here.
+ *
+ * In loops over tables the unknowns are the velocities of all joints of the tree, whether loops allow them or not. Accelerations are
+ * those that loops allow at any velocities, and a damper sees the velocity of its own joint as it is. In the basis of what loops allow, a
+ * damper would see how that basis turns within a step, times its own stiffness. A column moves one joint and costs one pass; what the joints
+ * have of a change is measured by another one, and where all are measured it is read.
  */
 #include "ncgen_reduced.h"
 #include "ncgen_constrained.h"
 
-int ncgen_degrees_of_freedom(const ncgen_run *r)
+/* How many velocities the constraints leave, redundant rows counted once. */
+static int degrees_of_freedom(const ncgen_run *r)
 {
     return r->n - (r->dynamics->n_dependent > 0 ? r->dynamics->n_dependent : r->m);
 }
 
+int ncgen_reduced_count(const ncgen_run *r)
+{
+    const int joints = ncgen_recursive_joints(r);
+    return joints ? joints : degrees_of_freedom(r);
+}
+
 void ncgen_reduced_layout(ncgen_run *r, ncgen_reduced *w, int *integers)
 {
-    w->count = ncgen_degrees_of_freedom(r);
-    w->basis = ncgen_take(&r->space, r->n * w->count);
+    w->is_of_joints = ncgen_recursive_joints(r) > 0;
+    w->count = ncgen_reduced_count(r);
+    w->basis = ncgen_take(&r->space, w->is_of_joints ? r->n : r->n * w->count);
     w->q = ncgen_take(&r->space, r->n);
     w->driven = ncgen_take(&r->space, w->count);
     w->state = ncgen_take(&r->space, r->ny);
@@ -29,13 +41,6 @@ void ncgen_reduced_layout(ncgen_run *r, ncgen_reduced *w, int *integers)
 }
 
 /* The basis ---------------------------------------------------------------------------------------------------- */
-
-/* The next of a sequence of numbers in (-1, 1) without a pattern, the same in every run (Lehmer 1951). */
-static ncgen_scalar next_random(unsigned *seed)
-{
-    *seed = *seed * 1664525u + 1013904223u;
-    return (ncgen_scalar)(*seed >> 8) / R(8388608.0) - 1;
-}
 
 /* Velocities that the constraints allow, one a column, without what drivers add to them. */
 static void find_allowed(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t)
@@ -50,7 +55,7 @@ static void find_allowed(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t)
         ncgen_recursive_velocities(r, t, w->q, given, driven);
     for (int k = 0; k < w->count; ++k) {
         for (int i = 0; i < n; ++i)
-            given[i] = next_random(&seed) * sizes[i];
+            given[i] = ncgen_next_random(&seed) * sizes[i];
         ncgen_recursive_velocities(r, t, w->q, given, allowed);
         for (int i = 0; i < n; ++i)
             w->basis[k * n + i] = allowed[i] - driven[i];
@@ -120,18 +125,26 @@ static void eliminate(const ncgen_run *r, ncgen_reduced *w)
 void ncgen_reduced_measure(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *velocities, ncgen_real *chosen)
 {
     ncgen_real *seen = r->constrained->emitted;
-    for (int k = 0; w->is_measured && k < w->count; ++k)
-        chosen[k] = velocities[w->chosen[k]];
-    if (w->is_measured)
+    if (w->is_of_joints) {
+        ncgen_recursive_measure(r, velocities, chosen);
         return;
+    }
     ncgen_recursive_derivative(r, w->t, w->q, velocities, seen);
     for (int k = 0; k < w->count; ++k)
         chosen[k] = seen[w->chosen[k]] - w->driven[k];
 }
 
+void ncgen_reduced_measure_positions(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *change, ncgen_real *chosen)
+{
+    if (w->is_of_joints)
+        ncgen_recursive_measure(r, change, chosen);
+    for (int k = 0; !w->is_of_joints && k < w->count; ++k)
+        chosen[k] = change[w->chosen[k]];
+}
+
 void ncgen_reduced_add(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *chosen, ncgen_real *velocities)
 {
-    const ncgen_real *moved = w->is_measured ? ncgen_recursive_along(r, chosen) : NULL;
+    const ncgen_real *moved = w->is_of_joints ? ncgen_recursive_along(r, chosen) : NULL;
     for (int i = 0; moved && i < r->n; ++i)
         velocities[i] += moved[i];
     for (int k = 0; !moved && k < w->count; ++k) {
@@ -146,7 +159,7 @@ static void find_driven(ncgen_run *r, ncgen_reduced *w)
 {
     for (int k = 0; k < w->count; ++k)
         w->driven[k] = 0;
-    if (!r->model->nu)
+    if (!r->model->nu || w->is_of_joints)
         return;
     for (int i = 0; i < r->n; ++i)
         w->state[i] = 0;
@@ -155,35 +168,47 @@ static void find_driven(ncgen_run *r, ncgen_reduced *w)
 
 /* Differences -------------------------------------------------------------------------------------------------- */
 
+/* Column k of the basis. */
+static const ncgen_real *find_move(ncgen_run *r, ncgen_reduced *w, int k)
+{
+    if (!w->is_of_joints)
+        return w->basis + (size_t)k * (size_t)r->n;
+    for (int i = 0; i < w->count; ++i)
+        w->driven[i] = i == k ? 1 : 0;
+    ncgen_copy(r->n, ncgen_recursive_along(r, w->driven), w->basis);
+    return w->basis;
+}
+
 /* A column of the Jacobian: the change of the chosen accelerations where the part of y from `first` on moves along column k of the basis,
  * over the length of the move; `size` is the size of that part, in natural sizes. */
 static int find_column(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncgen_real *y, int first, int k, ncgen_real size,
                        ncgen_real *column)
 {
     const int n = r->n;
-    const ncgen_real *move = w->basis + k * n;
+    const ncgen_real *move = find_move(r, w, k);
     const ncgen_real length = NCGEN_SQRT(r->rounding) * size / ncgen_constrained_size(r, move);
     ncgen_copy(r->ny, y, w->state);
     for (int i = 0; i < n; ++i)
         w->state[first + i] += length * move[i];
     const int status = r->derivative(r, t, w->state, w->rates);
+    for (int i = 0; i < n; ++i)
+        w->rates[i] = (w->rates[i] - w->base[i]) / length;
+    ncgen_reduced_measure_positions(r, w, w->rates, w->driven);
     for (int i = 0; i < w->count; ++i)
-        column[2 * i * w->count] = (w->rates[w->chosen[i]] - w->base[w->chosen[i]]) / length;
+        column[2 * i * w->count] = w->driven[i];
     return status;
 }
 
 int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncgen_real *y, ncgen_real *jacobian)
 {
     const int n = r->n;
-    w->count = ncgen_degrees_of_freedom(r);
+    w->count = ncgen_reduced_count(r);
     w->t = t;
     ncgen_copy(n, y + n, w->q);
-    w->is_measured = ncgen_recursive_basis(r, t, w->q, w->basis, w->chosen) == w->count;
-    if (!w->is_measured) {
+    if (!w->is_of_joints) {
         find_allowed(r, w, t);
         eliminate(r, w);
     }
-    find_driven(r, w);
     ncgen_copy(r->ny, y, w->state);
     int status = r->derivative(r, t, w->state, w->base);
     /* Positions are of size 1; velocities change on the time scale that accelerations have at this size. */
@@ -193,6 +218,7 @@ int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const
         status = find_column(r, w, t, y, 0, k, velocity > 0 ? velocity : 1, jacobian + k);
     for (int k = 0; k < w->count && status == NCGEN_OK; ++k)
         status = find_column(r, w, t, y, n, k, 1, jacobian + w->count + k);
+    find_driven(r, w);
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
     return status;

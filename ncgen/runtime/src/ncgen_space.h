@@ -3,6 +3,7 @@
 #define NCGEN_SPACE_H
 
 #include "ncgen_math.h"
+#include "ncgen_runtime.h"
 
 /* Without a base it is only counted. */
 typedef struct ncgen_space {

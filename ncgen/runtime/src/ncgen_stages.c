@@ -55,7 +55,20 @@ void ncgen_advance_by_stages(const ncgen_run *r, const ncgen_stepping *w, ncgen_
 {
     const ncgen_real *NCGEN_RESTRICT y = r->y;
     const int ny = r->ny;
-    ncgen_combine_stages(r, w, stages, weights, y_new);
-    for (int i = 0; i < ny; ++i)
-        y_new[i] = y[i] + h * y_new[i];
+    terms s;
+    int j = 0;
+    const int count = next_terms(r, w, &j, stages, weights, &s);
+    const ncgen_real *NCGEN_RESTRICT a = s.stage_derivatives[0], *NCGEN_RESTRICT b = s.stage_derivatives[1];
+    const ncgen_real *NCGEN_RESTRICT c = s.stage_derivatives[2], *NCGEN_RESTRICT d = s.stage_derivatives[3];
+    if (count == 1)
+        for (int i = 0; i < ny; ++i)
+            y_new[i] = y[i] + h * (s.weights[0] * a[i]);
+    else if (j == stages)
+        for (int i = 0; i < ny; ++i)
+            y_new[i] = y[i] + h * (s.weights[0] * a[i] + s.weights[1] * b[i] + s.weights[2] * c[i] + s.weights[3] * d[i]);
+    else {
+        ncgen_combine_stages(r, w, stages, weights, y_new);
+        for (int i = 0; i < ny; ++i)
+            y_new[i] = y[i] + h * y_new[i];
+    }
 }

@@ -113,6 +113,14 @@ static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, ncgen_tree_link 
     return status;
 }
 
+/* Velocities of the coordinates that measure joints. */
+static void write_rates(ncgen_tree_work *w)
+{
+    const ncgen_tree *tree = w->tree;
+    for (int i = 0; i < tree->n_measured; ++i)
+        w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].rate;
+}
+
 static int is_same(int count, const ncgen_real *a, const ncgen_real *b)
 {
     for (int i = 0; i < count; ++i)
@@ -138,19 +146,14 @@ static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen
             status = NCGEN_SINGULAR;
         ncgen_tree_go_on(own, &at);
     }
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].rate;
+    write_rates(w);
     return status;
 }
 
 /* What forces along the coordinates give the joints; 0 where one of them moves nothing. */
 static int solve(ncgen_tree_work *w)
 {
-    const ncgen_tree *tree = w->tree;
-    for (int k = 0; k < tree->n_screws; ++k)
-        w->screw[k].push = 0;
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
+    ncgen_tree_begin_pushes(w);
     if (!w->is_factored && !ncgen_has_pairs_alone(w))
         ncgen_tree_add_singles(w);
     if (w->is_factored)
@@ -162,9 +165,11 @@ static int solve(ncgen_tree_work *w)
     return w->is_regular;
 }
 
-static ncgen_real growth_of(int is_regular)
+/* The growth of an ncgen_motion: 2 calls for stages on the constraints where a step is repeated. */
+static ncgen_real growth_of(const ncgen_tree_work *w, int is_regular)
 {
-    return is_regular ? 0 : R(1.0e30);
+    const int is_near = w->tree->n_closing && ncgen_tree_is_near_singular(w);
+    return !is_regular ? R(1.0e30) : is_near ? 2 : 0;
 }
 
 void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
@@ -194,7 +199,7 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         is_regular &= ncgen_gamma(r, t, q, out, w->gamma) == NCGEN_OK && ncgen_tree_close_loops(r, w, t, w->gamma, out + n);
     if (ncgen_power(r, t, q, out, out + 2 * n) != NCGEN_OK)
         is_regular = 0;
-    out[2 * n + 1] = growth_of(is_regular && ncgen_is_finite(2 * n, out));
+    out[2 * n + 1] = growth_of(w, is_regular && ncgen_is_finite(2 * n, out));
 }
 
 /* Momenta and pivots where nothing acts; 0 where a joint moves nothing. */
@@ -222,7 +227,21 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     ncgen_tree_respond(r, w, out);
     if (closes_loops)
         is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
-    out[n] = growth_of(is_regular && ncgen_is_finite(n, out));
+    out[n] = growth_of(w, is_regular && ncgen_is_finite(n, out));
+}
+
+/* The twist of a link without that of its joint. */
+static inline void begin_twist(const ncgen_tree_work *w, ncgen_tree_link *own)
+{
+    const ncgen_real *before = w->link[own->parent].twist;
+    ncgen_set6(before, own->twist);
+    ncgen_add_cross(before, own->offset, own->twist + 3);
+}
+
+static inline void add_screws(ncgen_tree_link *own, const ncgen_tree_screw *screws)
+{
+    for (int k = 0; k < own->n_screws; ++k)
+        ncgen_add_times(screws[k].rate, screws[k].axis, own->twist + (screws[k].turns ? 0 : 3));
 }
 
 /* Velocities of the coordinates at rates of the screws, their places being known. */
@@ -231,41 +250,37 @@ static void move_at_rates(ncgen_tree_work *w)
     const ncgen_tree *tree = w->tree;
     ncgen_tree_place at = ncgen_tree_begin(w);
     for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own) {
-        const ncgen_real *before = w->link[own->parent].twist;
-        ncgen_set6(before, own->twist);
-        ncgen_add_cross(before, own->offset, own->twist + 3);
-        for (int k = 0; k < own->n_screws; ++k)
-            ncgen_add_times(at.screw[k].rate, at.screw[k].axis, own->twist + (at.screw[k].turns ? 0 : 3));
+        begin_twist(w, own);
+        add_screws(own, at.screw);
         spread_twist(at.element, own->n_elements, own->twist, w->moved);
         ncgen_tree_go_on(own, &at);
     }
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].rate;
+    write_rates(w);
 }
 
-int ncgen_tree_basis(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen)
+int ncgen_tree_joints(const ncgen_tree *tree)
 {
-    const int n_screws = w->tree->n_screws;
     int count = 0;
-    if (w->tree->n_closing)
-        return 0;
-    for (int i = 0; i < r->n; ++i)
-        w->bias[i] = 0;
-    ncgen_tree_mass_at(r, w, t, q);
-    go_outward(r, w, q, w->bias, 0);
-    for (int k = 0; k < n_screws; ++k)
-        if (w->screw[k].coordinate < 0 && w->screw[k].leader < 0)
-            return 0;
-    for (int k = 0; k < n_screws; ++k) {
-        if (w->screw[k].leader >= 0)
-            continue;
-        for (int j = 0; j < n_screws; ++j)
-            w->screw[j].rate = j == k ? w->screw[k].slowness : w->screw[j].leader == k ? w->screw[j].ratio * w->screw[k].slowness : 0;
-        move_at_rates(w);
-        ncgen_copy(r->n, w->moved, basis + count * r->n);
-        chosen[count++] = w->screw[k].coordinate;
-    }
+    for (int k = 0; k < tree->n_screws; ++k)
+        count += tree->leader[k] < 0;
     return count;
+}
+
+void ncgen_tree_measure(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *velocities, ncgen_real *chosen)
+{
+    int is_measured = 1;
+    for (int k = 0; k < w->tree->n_screws; ++k)
+        is_measured &= w->screw[k].coordinate >= 0 || w->screw[k].leader >= 0;
+    ncgen_tree_place at = ncgen_tree_begin(w);
+    for (ncgen_tree_link *own = w->link, *end = own + (is_measured ? 0 : w->tree->n_links); own < end; ++own) {
+        begin_twist(w, own);
+        ncgen_tree_find_rates(r, w, own, &at, velocities, own->twist);
+        add_screws(own, at.screw);
+        ncgen_tree_go_on(own, &at);
+    }
+    for (const ncgen_tree_screw *screw = w->screw, *end = screw + w->tree->n_screws; screw < end; ++screw)
+        if (screw->leader < 0)
+            *chosen++ = screw->coordinate >= 0 ? velocities[screw->coordinate] : screw->rate;
 }
 
 const ncgen_real *ncgen_tree_along(ncgen_tree_work *w, const ncgen_real *chosen)

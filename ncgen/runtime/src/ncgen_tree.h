@@ -4,15 +4,19 @@
 
 #include "ncgen_tree_records.h"
 
-/* Functions of an ncgen_motion. growth is 0, or huge where a joint moves nothing. */
+/* Functions of an ncgen_motion. growth is 0, more where closing rows are about to depend on each other, huge where they do or a joint moves
+ * nothing. */
 void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 
-/* Where all joints are measured: of every one that follows no other its coordinate, and the velocities of all coordinates at rate 1 of
- * this one, a column of n; how many they are. 0 where a joint is not measured. */
-int ncgen_tree_basis(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen);
+/* How many joints follow no other, the motions of one counted each. */
+int ncgen_tree_joints(const ncgen_tree *tree);
 
-/* ... the velocities of all coordinates at those of these ones, at the position that was looked at last. */
+/* At the position that was looked at last, the velocities of these joints that the derivative sees in those of all coordinates, whether loops
+ * allow them or not: of a measured one that of its coordinate. */
+void ncgen_tree_measure(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *velocities, ncgen_real *chosen);
+
+/* ... and the velocities of all coordinates at those of these joints. */
 const ncgen_real *ncgen_tree_along(ncgen_tree_work *w, const ncgen_real *chosen);
 
 #endif

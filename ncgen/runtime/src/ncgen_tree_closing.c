@@ -113,7 +113,7 @@ static ncgen_real violation_of_links(const ncgen_run *r, const ncgen_tree_work *
 {
     ncgen_copy(r->m, phi, w->gamma);
     for (int i = 0; i < w->tree->n_opposed; ++i)
-        w->gamma[w->tree->opposed[i]] = 0;
+        w->gamma[w->tree->closing[i]] = 0;
     return ncgen_largest(r->m, w->gamma, r->dynamics->row_sizes);
 }
 
@@ -162,7 +162,7 @@ static void close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const 
     ncgen_phi(r, t, w->placed, w->gamma);
     for (int i = 0; i < n; ++i)
         w->room[i] = 0;
-    for (int i = 0; i < w->tree->n_closing; ++i) {
+    for (int i = 0; i < w->tree->n_opposed; ++i) {
         const int row = w->tree->closing[i];
         phi[row] = w->gamma[row];
         w->gamma[row] = -w->gamma[row];

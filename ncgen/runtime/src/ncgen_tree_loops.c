@@ -11,8 +11,14 @@
 /* A pivot below this share of its row's own response is zero: the row is implied by those before it. */
 static const ncgen_scalar least_pivot = R(1.0e-9);
 
-/* What is less than this times that share is near to it: a position where rows are about to depend on each other. */
-static const ncgen_scalar margin = R(1.0e3);
+/* What is less than this is near to it: digits are lost there, and how many is measured by a step of refinement. */
+static const ncgen_scalar near_singular = R(1.0e-6);
+
+/* The share of itself that a step of refinement may change. The next one would change the square of it. */
+static const ncgen_scalar most_refined = R(1.0e-6);
+
+/* From here on the rows that others imply elsewhere are looked at, too. */
+static const ncgen_scalar small_pivot = R(1.0e-4);
 
 static ncgen_real row_times(const ncgen_run *r, const ncgen_tree_work *w, int row, const ncgen_real *x)
 {
@@ -41,10 +47,7 @@ static void clear_row(const ncgen_run *r, ncgen_tree_work *w, int row)
 void ncgen_tree_respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
 {
     const ncgen_tree *tree = w->tree;
-    for (int k = 0; k < tree->n_screws; ++k)
-        w->screw[k].push = 0;
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
+    ncgen_tree_begin_pushes(w);
     for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own)
         ncgen_set6(ncgen_nothing, own->wrench);
     ncgen_tree_push(w);
@@ -65,7 +68,7 @@ void ncgen_tree_respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
 /* A row of the matrix with its column, and what belongs to it, changes places with another one. */
 static void exchange(ncgen_tree_work *w, int i, int k)
 {
-    const int c = w->tree->n_closing, row = w->order[i];
+    const int c = w->n_rows, row = w->order[i];
     const ncgen_real own = w->own[i];
     w->order[i] = w->order[k];
     w->order[k] = row;
@@ -86,7 +89,7 @@ static void exchange(ncgen_tree_work *w, int i, int k)
 /* The row with the largest pivot over its own response, from the k-th on; -1 where there is none. */
 static int find_pivot(ncgen_tree_work *w, int k)
 {
-    const int c = w->tree->n_closing;
+    const int c = w->n_rows;
     int best = -1;
     ncgen_real largest = least_pivot;
     for (int i = k; i < c; ++i) {
@@ -96,22 +99,23 @@ static int find_pivot(ncgen_tree_work *w, int k)
             best = i;
         }
     }
-    w->is_near_singular |= best >= 0 && largest < margin * least_pivot;
+    w->least_share = best >= 0 && largest < w->least_share ? largest : w->least_share;
     return best;
 }
 
-/* G = L D L' with the largest pivot first, row by row above the diagonal: the number of rows that are independent. Rows that do not respond
- * to one another, such as those of other limbs, take nothing from one another. */
+/* G = L D L' with the largest pivot first, row by row above the diagonal: the number of rows that are independent, no more than n_closing, since
+ * off the closed loops others imply the rest only nearly. Rows that do not respond to one another, such as those of other limbs, take nothing from
+ * one another. */
 static int factor(ncgen_tree_work *w)
 {
-    const int c = w->tree->n_closing;
+    const int c = w->n_rows, most = w->tree->n_closing;
     ncgen_real *a = w->square;
-    w->is_near_singular = 0;
+    w->least_share = 1;
     for (int i = 0; i < c; ++i) {
         w->order[i] = i;
         w->own[i] = a[i * c + i];
     }
-    for (int k = 0; k < c; ++k) {
+    for (int k = 0; k < most; ++k) {
         const int best = find_pivot(w, k);
         if (best < 0)
             return k;
@@ -129,11 +133,11 @@ static int factor(ncgen_tree_work *w)
         for (int i = k + 1; i < c; ++i)
             first[i] *= inverse;
     }
-    return c;
+    return most;
 }
 
 /* What is left of a force along a closing row for every screw on its links' way to the ground, where the joints beyond take their part. */
-static void go_inward(const ncgen_run *r, ncgen_tree_work *w, int closing, ncgen_real *left)
+static void go_inward(ncgen_tree_work *w, int closing, ncgen_real *left)
 {
     const ncgen_tree *tree = w->tree;
     const int begin = tree->way_start[closing], end = tree->way_start[closing + 1];
@@ -143,7 +147,6 @@ static void go_inward(const ncgen_run *r, ncgen_tree_work *w, int closing, ncgen
         left[tree->measured[2 * i + 1]] += tree->ratios[i] * w->force[tree->measured[2 * i]];
     for (int i = begin; i < end; ++i)
         ncgen_set6(ncgen_nothing, w->link[tree->way[i]].wrench);
-    (void)r;
     for (int i = begin; i < end; ++i) {
         ncgen_tree_link *own = w->link + tree->way[i];
         ncgen_tree_push_link(w, tree->way[i], left, left + tree->n_screws);
@@ -153,16 +156,15 @@ static void go_inward(const ncgen_run *r, ncgen_tree_work *w, int closing, ncgen
 }
 
 /* The matrix of the closing rows, factored. With L D L' = T'M T as the recursion has it, G = Y' D^-1 Y, where L Y = T' Phi_q'. */
-static void find_matrix(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t)
+static void factor_rows(const ncgen_run *r, ncgen_tree_work *w)
 {
     const ncgen_tree *tree = w->tree;
-    const int c = tree->n_closing, width = tree->n_screws + tree->n_groups;
-    ncgen_phi_q(r, t, w->values, w->jacobian);
+    const int c = w->n_rows, width = tree->n_screws + tree->n_groups;
     for (int k = 0; k < r->n; ++k)
         w->force[k] = 0;
     for (int i = 0; i < c; ++i) {
         add_row(r, w, tree->closing[i], 1);
-        go_inward(r, w, i, w->left + (size_t)i * (size_t)width);
+        go_inward(w, i, w->left + (size_t)i * (size_t)width);
         clear_row(r, w, tree->closing[i]);
     }
     for (int k = 0; k < tree->n_screws; ++k)
@@ -183,16 +185,25 @@ static void find_matrix(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t)
             w->square[i * c + j] = w->square[j * c + i] = sum;
         }
     w->n_independent = factor(w);
+}
+
+/* The same at the position in w->values, from where on with the rows that others imply elsewhere where these nearly depend on each other. */
+static void find_matrix(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t)
+{
+    ncgen_phi_q(r, t, w->values, w->jacobian);
+    factor_rows(r, w);
+    if (w->n_rows < w->tree->n_opposed && w->least_share < small_pivot) {
+        w->n_rows = w->tree->n_opposed;
+        factor_rows(r, w);
+    }
     w->most_independent = w->n_independent > w->most_independent ? w->n_independent : w->most_independent;
     w->are_there = 1;
 }
 
-int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *wanted, ncgen_real *x)
+/* x changed so that Phi_q x is `wanted`, with the factors that are there: `change`, which may be x, grows by what that takes. */
+static void close_once(ncgen_run *r, ncgen_tree_work *w, const ncgen_real *wanted, const ncgen_real *x, ncgen_real *change)
 {
-    const int n = r->n, c = w->tree->n_closing;
-    if (!w->are_there)
-        find_matrix(r, w, t);
-    const int count = w->n_independent;
+    const int count = w->n_independent, c = w->n_rows;
     const ncgen_real *a = w->square;
     for (int i = 0; i < c; ++i)
         w->missing[i] = (wanted ? wanted[w->tree->closing[i]] : 0) - row_times(r, w, w->tree->closing[i], x);
@@ -207,10 +218,34 @@ int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         for (int i = k + 1; i < count; ++i)
             lam[k] -= a[k * c + i] * lam[i];
     }
-    for (int i = 0; i < n; ++i)
+    for (int i = 0; i < r->n; ++i)
         w->force[i] = 0;
     for (int k = 0; k < count; ++k)
         add_row(r, w, w->tree->closing[w->order[k]], lam[k]);
-    ncgen_tree_respond(r, w, x);
-    return !w->is_near_singular && count == w->most_independent;
+    ncgen_tree_respond(r, w, change);
+}
+
+/* One step of refinement of x; 0 where it changes x so much that the next one would still change more than its last four digits. */
+static int refine(ncgen_run *r, ncgen_tree_work *w, const ncgen_real *wanted, ncgen_real *x)
+{
+    for (int i = 0; i < r->n; ++i)
+        w->bias[i] = 0;
+    close_once(r, w, wanted, x, w->bias);
+    for (int i = 0; i < r->n; ++i)
+        x[i] += w->bias[i];
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    return ncgen_largest(r->n, w->bias, sizes) <= most_refined * ncgen_largest(r->n, x, sizes) + r->rounding;
+}
+
+int ncgen_tree_close_loops(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *wanted, ncgen_real *x)
+{
+    if (!w->are_there)
+        find_matrix(r, w, t);
+    close_once(r, w, wanted, x, x);
+    return (!ncgen_tree_is_near_singular(w) || refine(r, w, wanted, x)) && w->n_independent == w->most_independent;
+}
+
+int ncgen_tree_is_near_singular(const ncgen_tree_work *w)
+{
+    return w->least_share < near_singular;
 }

@@ -8,8 +8,10 @@ static ncgen_real *take_records(ncgen_space *space, int count, size_t size)
 
 static void lay_out_loops(ncgen_run *r, ncgen_tree_work *w)
 {
-    const int count = w->tree->n_closing;
-    w->are_there = w->is_near_singular = w->n_independent = w->most_independent = 0;
+    const int count = w->tree->n_opposed;
+    w->are_there = w->n_independent = w->most_independent = 0;
+    w->least_share = 1;
+    w->n_rows = w->tree->n_closing;
     w->left = ncgen_take(&r->space, (w->tree->n_screws + w->tree->n_groups) * count);
     for (int i = 0; w->left && i < (w->tree->n_screws + w->tree->n_groups) * count; ++i)
         w->left[i] = 0;
@@ -85,7 +87,7 @@ static void begin_screw(ncgen_tree_work *w, int k)
     own->leader = tree->leader[k];
     own->coordinate = tree->meter[k] >= 0 ? tree->measured[2 * tree->meter[k]] : -1;
     own->ratio = tree->ratio[k];
-    own->slowness = tree->meter[k] >= 0 ? 1 / tree->ratios[tree->meter[k]] : 0;
+    own->slowness = tree->meter[k] >= 0 ? 1 / tree->ratios[tree->meter[k]] : 1;
     own->weight = tree->weights[tree->term_start[k]];
     for (int i = 0; i < 3; ++i)
         own->c[i] = tree->terms[3 * tree->term_start[k] + i];

@@ -187,6 +187,15 @@ void ncgen_tree_push_link(ncgen_tree_work *w, int link, ncgen_real *pushes, ncge
     }
 }
 
+void ncgen_tree_begin_pushes(ncgen_tree_work *w)
+{
+    const ncgen_tree *tree = w->tree;
+    for (int k = 0; k < tree->n_screws; ++k)
+        w->screw[k].push = 0;
+    for (int i = 0; i < tree->n_measured; ++i)
+        w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
+}
+
 void ncgen_tree_push(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;

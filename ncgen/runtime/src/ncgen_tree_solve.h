@@ -8,6 +8,9 @@
  * 0 where a screw or a group moves nothing. */
 int ncgen_tree_reduce(ncgen_tree_work *w);
 
+/* Pushes of the screws before anything else: forces along the coordinates that measure them. */
+void ncgen_tree_begin_pushes(ncgen_tree_work *w);
+
 /* The pushes alone, momenta and pivots being those of the position already. */
 void ncgen_tree_push(ncgen_tree_work *w);
 

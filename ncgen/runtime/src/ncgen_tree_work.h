@@ -51,7 +51,7 @@ typedef struct ncgen_tree_screw {
     int coordinate;              /* the measured one that gives its rate; -1: elements do */
     ncgen_scalar weight;         /* of the first term */
     ncgen_scalar is_carried;     /* 1: its axis turns with the parent; else 0 */
-    ncgen_scalar ratio, slowness; /* its rate over that of its leader; over that of the coordinate */
+    ncgen_scalar ratio, slowness; /* its rate over that of its leader; over that of the coordinate, 1 without one */
     ncgen_real axis[3];
     ncgen_real momentum[6]; /* at rate 1 */
     ncgen_real pivot;       /* 1 / (screw . momentum) */
@@ -93,14 +93,16 @@ typedef struct ncgen_tree_work {
     ncgen_real *first, *placed;  /* n + n_fixed: the first position of the run, and one in closed form */
     ncgen_real *axes;            /* 4 a screw: its unit axis in the first position, and how long that was */
     ncgen_real *travel;          /* of a screw: its rate summed up since then */
-    int are_there, is_near_singular; /* is the matrix of closing rows that of the position in `values`? Are closing rows about to depend on each other? */
+    int are_there;               /* is the matrix of closing rows that of the position in `values`? */
+    int n_rows;                  /* of the matrix: n_closing, or n_opposed since a position where the former nearly depended on each other */
+    ncgen_real least_share;      /* of a pivot of the matrix in its row's own response: small where closing rows are about to depend */
     int n_independent, most_independent; /* closing rows here, and anywhere so far */
-    ncgen_real *left, *weights;  /* n_screws + n_groups a closing row: what of a force along it every screw and group sees; their 1 / pivots */
-    ncgen_real *square, *own;    /* n_closing squared: the matrix of their products with rows, factored; its diagonal before, then multipliers */
-    ncgen_real *missing;         /* n_closing: of the rows */
+    ncgen_real *left, *weights;  /* n_screws + n_groups a closing row (n_opposed): what of a force along it every screw and group sees; their 1 / pivots */
+    ncgen_real *square, *own;    /* n_opposed squared: the matrix of their products with rows, factored; its diagonal before, then multipliers */
+    ncgen_real *missing;         /* n_opposed: of the rows */
     ncgen_real *gamma;           /* n_rows: of accelerations, or of positions */
     ncgen_real *still, *room;    /* n, n + 1 */
-    int *order;                  /* n_closing: in which rows are eliminated */
+    int *order;                  /* n_opposed: in which rows are eliminated */
     ncgen_real *turns;           /* 12 a link: columns of its rotation since then, and its reference point */
 } ncgen_tree_work;
 

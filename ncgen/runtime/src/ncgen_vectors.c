@@ -9,6 +9,12 @@ ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b)
     return sum;
 }
 
+ncgen_scalar ncgen_next_random(unsigned *seed)
+{
+    *seed = *seed * 1664525u + 1013904223u;
+    return (ncgen_scalar)(*seed >> 8) / R(8388608.0) - 1;
+}
+
 ncgen_real ncgen_norm(int count, const ncgen_real *x)
 {
     return NCGEN_SQRT(ncgen_dot(count, x, x));
@@ -56,19 +62,20 @@ void ncgen_solve_positive_again(int size, const ncgen_real *a, ncgen_real *right
     }
 }
 
-/* With an infinite number or none the sum is, too, and to look at the sum alone costs least; four sums do not wait for each other. */
+/* Numbers in a row that are added up together, in vectors of the processor where it has them. */
+enum { TOGETHER = 8 };
+
+/* With an infinite number or none the sum is, too, and to look at the sum alone costs least. */
 int ncgen_is_finite(int count, const ncgen_real *x)
 {
-    ncgen_real a = 0, b = 0, c = 0, d = 0;
+    ncgen_real sums[TOGETHER] = {0}, sum = 0;
     int i = 0;
-    for (; i + 3 < count; i += 4) {
-        a += x[i];
-        b += x[i + 1];
-        c += x[i + 2];
-        d += x[i + 3];
-    }
+    for (; i + TOGETHER <= count; i += TOGETHER)
+        for (int k = 0; k < TOGETHER; ++k)
+            sums[k] += x[i + k];
     for (; i < count; ++i)
-        a += x[i];
-    const ncgen_real sum = (a + b) + (c + d);
+        sum += x[i];
+    for (int k = 0; k < TOGETHER; ++k)
+        sum += sums[k];
     return sum - sum >= 0;
 }

@@ -23,7 +23,8 @@ from ncgen.solver.derivatives.event_equations import along, impulses_to, no_deri
 from ncgen.solver.derivatives.impact_jacobians import ImpactJacobians
 from ncgen.solver.events.condition_jacobians import EventTangents
 from ncgen.solver.events.conditions import EventFunctions, changes_of
-from ncgen.solver.events.modes import Held, count_of, load_conditions
+from ncgen.solver.events.holdables import Holdable
+from ncgen.solver.events.modes import count_of, load_conditions
 from ncgen.solver.events.state import Done, Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
 
@@ -88,7 +89,7 @@ class EventJacobians:
         """The kernels of the mode of a state in which these are held."""
         return self.functions.mode(at, self._held(held))
 
-    def _held(self, held: tuple[int, ...]) -> tuple[Held, ...]:
+    def _held(self, held: tuple[int, ...]) -> tuple[Holdable, ...]:
         return tuple(self.rows[k] for k in held)
 
     def _flow(self, at: State, held: tuple[int, ...]) -> np.ndarray:

@@ -29,7 +29,9 @@ from ncgen.solver.engines.acceleration_forms import has_emitted_recursion
 from ncgen.solver.engines.capabilities import checked_compiled
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate_steps
-from ncgen.solver.runs.run import MOST_NUMBERS, Initial, count, positive, relative_tolerance
+from ncgen.solver.runs.grid import MOST_NUMBERS
+from ncgen.solver.runs.run import Initial
+from ncgen.solver.runs.settings import count, positive, relative_tolerance
 from ncgen.solver.runs.signals import Signals, signals_of
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.trajectory import Trajectory

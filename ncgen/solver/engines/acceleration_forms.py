@@ -11,10 +11,11 @@ from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.open_tree import KnownTree, known_tree, why_no_tables
+from ncgen.solver.positions.open_tree import KnownTree, known_tree, tree_of, why_no_tables
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.choice import Choice, choose
-from ncgen.solver.runs.run import COMPILED, Form, Run
+from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.settings import COMPILED, Form, Settings
 from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:
@@ -40,10 +41,11 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
         every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
     integrator: for which the runtime is compiled at the same time
     """
-    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-    from ncgen.mechanism.runtime_library import part_for
 
     def made() -> ConstrainedDynamics:
+        from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+        from ncgen.mechanism.runtime_library import part_for
+
         samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
         tree = _tree_with_loops(kernels) if form == "tree" else None
         component = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
@@ -56,8 +58,8 @@ def expected_component(model: Model, run: Run) -> Part:
     """The part of the runtime that a run will need as far as the model alone shows, to be compiled while kernels are derived."""
     from ncgen.mechanism.runtime_library import part_for
 
-    method, tree = choose(run).method, spanning_tree(model)
-    is_open = run.engine in (AUTO, COMPILED) and run.number == "double" and not model.branches
+    method, tree = choose(run.settings).method, spanning_tree(model)
+    is_open = run.settings.engine in (AUTO, COMPILED) and run.settings.number == "double" and not model.branches
     if method.formalism.name != "lagrange" or not is_open or not tree.dof:
         return part_for(method.integrator.name)
     has_loops = len(model.joints) > len(tree.links)
@@ -78,13 +80,7 @@ def _form_of(kernels: Kernels, method: Method) -> Form:
         return "tree"
     if _is_recursive(kernels, method):
         return "emitted"
-    return "tree" if _may_recur(kernels, method) and (known_tree(kernels) or _closes_loops(kernels, method)) else "dense"
-
-
-def _closes_loops(kernels: Kernels, method: Method) -> bool:
-    """True for a tree with loops that moves in loops over tables: by an explicit method, since stiff ones need the degrees of freedom that
-    loops leave."""
-    return not method.integrator.takes_jacobian and _tree_with_loops(kernels) is not None
+    return "tree" if _may_recur(kernels, method) and _tree_with_loops(kernels) else "dense"
 
 
 def _tree_with_loops(kernels: Kernels) -> KnownTree | None:
@@ -92,9 +88,9 @@ def _tree_with_loops(kernels: Kernels) -> KnownTree | None:
     return known_tree(kernels) or known_tree(kernels, closes_loops=True)
 
 
-def explained(kernels: Kernels, choice: Choice, run: Run, engine: str) -> str:
+def explained(kernels: Kernels, choice: Choice, settings: Settings, engine: str) -> str:
     """The method and the engine that a run took, and why; of a large tree of bodies why it is the matrix, too."""
-    is_open = run.engine in (AUTO, COMPILED) and engine == "c" and run.number == "double"
+    is_open = settings.engine in (AUTO, COMPILED) and engine == "c" and settings.number == "double"
     matrix = why_matrix(kernels, choice.method) if is_open else ""
     return f"{choice.method}, {engine}: {choice.why}" + (f"; {matrix}" if matrix else "")
 
@@ -103,9 +99,8 @@ def why_matrix(kernels: Kernels, method: Method) -> str:
     """Why a tree of bodies that is too large to be emitted takes accelerations from the factored matrix; empty where it does not."""
     if not _may_recur(kernels, method) or _has_few_rates(kernels, least=0):
         return ""
-    if reason := why_no_tables(kernels):
-        return f"the matrix, since {reason}"
-    return "" if known_tree(kernels) or _closes_loops(kernels, method) else "the matrix, since loops leave implicit methods no tables"
+    reason = why_no_tables(kernels)
+    return f"the matrix, since {reason}" if reason else ""
 
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:
@@ -141,7 +136,7 @@ def _has_few_rates(kernels: Kernels, most: int | None = None, least: int = 1) ->
 
     least, most: rates (default: MOST_RATES)
     """
-    freedoms = kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).dof)
+    freedoms = tree_of(kernels).dof
     return least <= freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
 
 

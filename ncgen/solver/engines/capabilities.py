@@ -13,7 +13,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c
 from ncgen.solver.positions.partition import Partitions
 from ncgen.solver.positions.position import TOLERANCE
-from ncgen.solver.runs.run import EMITTED
+from ncgen.solver.runs.settings import EMITTED
 from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:

@@ -8,9 +8,8 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.listening import Progress
 from ncgen.mechanism.run_arguments import InitialState, Monitor
-from ncgen.methods.newmark import newmark
-from ncgen.methods.table import number_in_c
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.kkt import MAX_DENSE_UNKNOWNS
 from ncgen.solver.formalisms.projection import least_energy
@@ -21,12 +20,15 @@ from ncgen.solver.positions.partition import MIN_GAIN, Partitions, determined, o
 from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
-from ncgen.solver.runs.run import Form, Partitioned
+from ncgen.solver.runs.settings import Form, Partitioned
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
 
 if TYPE_CHECKING:
-    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics, Outcome
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+    from ncgen.mechanism.prepared_run import PreparedRun
+    from ncgen.mechanism.run_rows import Outcome
+    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
 from ncgen.solver.engines.acceleration_forms import all_coordinates
 from ncgen.solver.engines.capabilities import closeness
 from ncgen.solver.engines.partition_dynamics import dynamics
@@ -55,8 +57,6 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     Returns None, or why the run had to stop before the end of the grid: STIFFNESS_REASON where it was to end so. Raises DomainError where a
     term is not a number, ConvergenceError where steps become too short.
     """
-    from ncgen.mechanism.listening import Progress
-
     method, grid, number, p = task.method, task.grid, task.number, task.p
     dynamics = all_coordinates(kernels, number, form, method.integrator.name)
     q, qd, work = task.q, task.velocities, 0.0
@@ -65,29 +65,32 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         # the step of a part before it has been checked.
         key = q.tobytes(), float(grid[0]), p.tobytes()
         kernels.remember("inertia of all motions", key, lambda: _all_have_inertia(kernels, q, float(grid[0]), p), REMEMBERED)
-    settings = method.options
-    in_c = settings_in_c(settings)
     if len(path.q):
         q, qd, work = path.take_last()
     begun = len(path.q)
-    times = grid[begun:]
-    done = dynamics.simulate(
-        method.integrator.name, times, InitialState(q, qd, p), inputs=task.inputs_in_c(rule_of(kernels)),
+    times = grid[begun:] if begun else grid
+    done = _prepared(task, dynamics).simulate(
+        times,
+        InitialState(q, qd, p),
+        inputs=task.inputs_in_c(rule_of(kernels)),
         monitor=Monitor(conditions=task.watched, progress=Progress(task.progress, kernels.name, task.arrival)),
-        movable=task.movable_from(begun), rank=task.rank_at(kernels, q, times[0]), formalism=number_in_c(method.formalism), **in_c,
-        tolerance=closeness(number), max_step=task.step_in_c, stop_when_stiff=int(task.stop_when_stiff), first_step=task.first_step,
-        **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
-    )  # fmt: skip
+        movable=task.movable_from(begun),
+        rank=task.rank_at(kernels, q, times[0]),
+        errors=task.tolerances.errors,
+    )
     task.looked_at(begun, done.t)
-    path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
+    all_work = done.work + work if work else done.work
+    path.extend(done.q, done.qd, all_work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.jacobians += done.jacobians
     path.fallbacks += done.fallbacks
     path.stiff += done.stiff
-    path.projections += done.steps if in_c["project"] else 0
+    path.projections += done.steps if method.in_c["project"] else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)
     path.crossed, path.next_step = done.crossed, done.next_step
     if done.stopped:
         path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
+    if done.status == "ok":
+        return None
     reason = _ended(path, kernels, grid, done, work, p)
     if done.status in FINAL and task.step:
         path.break_off(grid, done.reached, done.last[0], done.last[1], work + done.last[2])
@@ -101,6 +104,18 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
             "comes to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
+
+
+def _prepared(task: Task, dynamics: ConstrainedDynamics) -> PreparedRun:
+    """The run of a task over all coordinates, but for its numbers."""
+    run = task.runs.get(dynamics)
+    if run is None:
+        method, sizes = task.method, dynamics.kernels.column_sizes
+        run = task.runs[dynamics] = dynamics.run_by(
+            method.integrator.name, **method.in_c, tolerance=closeness(task.number), max_step=task.step_in_c,
+            stop_when_stiff=int(task.stop_when_stiff), first_step=task.first_step, sizes=task.tolerances.in_c(sizes, sizes)["sizes"],
+        )  # fmt: skip
+    return run
 
 
 SURE_INERTIA = 1e-8
@@ -119,14 +134,6 @@ def _all_have_inertia(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) 
 
     is_kept = kernels.n + kernels.m > MAX_DENSE_UNKNOWNS and is_described(kernels, q, t, p)
     return found_in_described(kernels, "inertia of all motions", find) if is_kept else find()
-
-
-def settings_in_c(settings: dict[str, Any]) -> dict[str, float]:
-    """The options of a formalism over all coordinates, or of energy-momentum or ali3p, by the names of `ncgen_options`."""
-    stabilisation = settings.get("stabilisation")
-    projected = stabilisation == "projection" or settings.get("project_velocities", False)
-    frequency = settings["omega"] if stabilisation == "baumgarte" else 0.0
-    return {"project": int(projected), "penalty": settings.get("alpha", 0.0), "damping": settings.get("xi", 0.0), "frequency": frequency}
 
 
 def _by_the_matrix(path: Path, kernels: Kernels, task: Task) -> str | None:
@@ -154,13 +161,6 @@ def _ended(path: Path, kernels: Kernels, grid: np.ndarray, done: Outcome, work: 
     return f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
 
 
-def _weights(settings: dict[str, Any]) -> dict[str, float]:
-    """Of generalised-α, by the names of `ncgen_options`."""
-    if "rho" not in settings:
-        return {}
-    return dict(zip(("alpha_m", "alpha_f"), newmark(settings["rho"], settings["hht"]), strict=False))
-
-
 def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | None:
     """Complete a path over a time grid, from its last row on if it has any, to its end or to a `Stop`; where the independent
     coordinates become bad, go on with others.
@@ -169,8 +169,6 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
     Returns None, or why the run had to stop before the end of the grid: STIFFNESS_REASON where it was to end so. Raises DomainError where a
     term is not a number, ConvergenceError where steps become too short.
     """
-    from ncgen.mechanism.listening import Progress
-
     method, number, p, partitions = task.method, task.number, task.p, determined(path.partitions)
     used_partitions = [partitions]
     grid, growth, begun = np.asarray(task.grid, dtype=float), GROWTH, len(path.q) > 0

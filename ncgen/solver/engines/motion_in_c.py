@@ -6,8 +6,8 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import Moving, Stepping
-from ncgen.methods.method import Method
-from ncgen.solver.engines import acceleration_forms, capabilities, compiled
+from ncgen.methods.method import Method, settings_in_c
+from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.runs.choice import EXPLICIT
 from ncgen.solver.runs.task import Task
 
@@ -28,7 +28,7 @@ class MotionInC:
         self._dynamics = acceleration_forms.all_coordinates(kernels, form=acceleration_forms.form_of(kernels, explicit))
         stepping = Stepping(
             self._dynamics, EXPLICIT, rank, STEP_TOLERANCE, STEP_TOLERANCE, None, capabilities.closeness("double"), None, formalism,
-            **compiled.settings_in_c(method.options),
+            **settings_in_c(method.options),
         )  # fmt: skip
         self._now, self._qd, self._q = Moving(stepping), slice(0, n), slice(n, 2 * n)
 

@@ -26,7 +26,8 @@ from ncgen.solver.integrators.shared_tolerance import sharing
 from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import MIN_GAIN, Partitions, determined, other_partitions, quality, stuck_message
-from ncgen.solver.positions.rank import counting_rows, largest_share, scaled_jacobian
+from ncgen.solver.positions.rank import scaled_jacobian
+from ncgen.solver.positions.row_choice import counting_rows, largest_share
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 

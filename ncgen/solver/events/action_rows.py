@@ -11,7 +11,6 @@ from ncgen.model.elements import coordinate_of
 from ncgen.model.values import Scalar
 from ncgen.solver.events.conditions import VALUE_ROUNDING, most_degree
 from ncgen.solver.name_lists import listed_names
-from ncgen.solver.runs.stop import DIRECTIONS
 
 LAWS = {"": "NCGEN_NO_LAW", "simultaneous": "NCGEN_SIMULTANEOUS", "in turn": "NCGEN_IN_TURN"}
 """Laws of several impacts at one instant, in C."""
@@ -30,13 +29,12 @@ class ActionRow:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Actions:
     """rows: in the order of the events; values: what their values are, each with the words that messages call it by; law: of several
-    impacts; most: velocities that one event sets, or the number of events if that is more; directions: of the events"""
+    impacts; most: velocities that one event sets, or the number of events if that is more"""
 
     rows: list[ActionRow]
     values: list[tuple[str, Scalar]]
     law: str
     most: int
-    directions: list[int]
     degree: int
     noise: float
 
@@ -64,10 +62,8 @@ class Actions:
             rows += [ActionRow(k, "NCGEN_STOP") for action in event.do if isinstance(action, Stop)]
         set_velocities = [row.event for row in rows if row.kind == "NCGEN_SET_VELOCITY"]
         most = max([len(events), *(set_velocities.count(k) for k in range(len(events)))])
-        degree, directions = most_degree(kernels), [int(DIRECTIONS[event.direction]) for event in events]
-        return cls(
-            rows=rows, values=values, law=_law(kernels), most=most, directions=directions, degree=degree, noise=VALUE_ROUNDING[degree]
-        )
+        degree = most_degree(kernels)
+        return cls(rows=rows, values=values, law=_law(kernels), most=most, degree=degree, noise=VALUE_ROUNDING[degree])
 
     def changed(self, kernels: Kernels) -> frozenset[str]:
         """Names of the parameters and inputs that events change."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ConvergenceError
-from ncgen.mechanism.active_in_c import Active, Kind, is_still
+from ncgen.mechanism.active_in_c import Active, direction_of, is_still
 from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
@@ -57,14 +57,13 @@ class ActiveConstraints:
 
     def directions(self, held: tuple[int, ...], p: np.ndarray) -> np.ndarray:
         """Of the mechanism's conditions (C,): a held gap is not watched, nor the velocity of what sticks or does not touch."""
-        ways = self.functions.directions.copy()
-        for k, friction in self.functions.frictions.items():
-            ways[k] = -int(p[self.place(friction.slip)]) or UNWATCHED
-        for k, gap in self.functions.gaps.items():
-            ways[k] = -1 if gap in held and k not in held and k not in self._prevented else UNWATCHED
-        for number, k in self.functions.turns.items():
+        functions, ways = self.functions, self.functions.directions.copy()
+        for k, row in self.rows.items():
+            slip = int(p[self.place(functions.frictions[k].slip)]) if k in functions.frictions else 0
+            ways[k] = direction_of(row.kind, k in held, functions.gaps.get(k) in held, slip, int(ways[k]))
+        ways[[*self.blocked, *self._prevented]] = UNWATCHED
+        for number, k in functions.turns.items():
             ways[number] = ways[k]
-        ways[[*held, *self.blocked]] = UNWATCHED
         return ways
 
     def look(self, at: State, held: tuple[int, ...]) -> None:
@@ -218,7 +217,8 @@ class HeldChoice:
         self.owner, self.at, self._start, self._held = owner, at, at, held
         self._numbers = list(owner.rows)
         functions, positions = owner.functions, {k: position for position, k in enumerate(self._numbers)}
-        self.active = active = Active([self._kind(k) for k in positions], [positions.get(functions.gaps.get(k, -1), -1) for k in positions])
+        gaps = [positions.get(functions.gaps.get(k, -1), -1) for k in positions]
+        self.active = active = Active([row.kind for row in owner.rows.values()], gaps)
         for k, position in positions.items():
             active.before[position], active.rests[position], active.released[position] = k in held, k in resting, k in owner.left
             turns = any(functions.turns.get(number) == k for number in due)
@@ -234,12 +234,6 @@ class HeldChoice:
                 active.released[positions[k]] = int(side[0])
         self._directions, self._tried = dict(owner.left), None
         self._mode: tuple[Kernels, LoadConditions] | None = None
-
-    def _kind(self, k: int) -> Kind:
-        functions, row = self.owner.functions, self.owner.rows[k]
-        if k in functions.frictions or k in functions.ratchets:
-            return "NCGEN_HOLDS_JOINT" if k in functions.frictions else "NCGEN_HOLDS_RATCHET"
-        return "NCGEN_HOLDS_CONTACT" if row.sticks else "NCGEN_HOLDS_RUBBING_GAP" if row.rubs else "NCGEN_HOLDS_GAP"
 
     @property
     def wanted(self) -> tuple[int, ...]:

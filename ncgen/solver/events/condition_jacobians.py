@@ -12,7 +12,8 @@ from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_tangents import INPUTS, assemble_condition_tangent, assemble_impact_tangent, assemble_value_tangents
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import Held, count_of, held_loads, sliding_of
+from ncgen.solver.events.holdables import Holdable
+from ncgen.solver.events.modes import count_of, held_loads, sliding_of
 from ncgen.solver.events.state import State
 from ncgen.solver.loads.constraint_loads import motion_sizes
 
@@ -38,7 +39,7 @@ class EventTangents:
         """Of a gap or ratchet, by the number of its condition, the rows of W: its own, then those at which it slides."""
         return [row for row, (number, _) in enumerate((*self._gaps, *self._rates)) if number == k]
 
-    def conditions(self, mode: Kernels, held: tuple[Held, ...], at: State) -> np.ndarray:
+    def conditions(self, mode: Kernels, held: tuple[Holdable, ...], at: State) -> np.ndarray:
         """Of the conditions of a mode, those of loads behind those of the mechanism, (C + L, N)."""
         return self._columns(mode.remember("condition tangent", (), lambda: self._conditions(mode, held)), "condition_tangent", at)
 
@@ -64,7 +65,7 @@ class EventTangents:
         n = self.kernels.n
         return {"q": n, "qd": n, "p": len(self.kernels.p0), "after": n, "mu": mode.m, "push": self.row_count, "seed": len(self._seeds)}
 
-    def _conditions(self, mode: Kernels, held: tuple[Held, ...]) -> ProgramFunctions:
+    def _conditions(self, mode: Kernels, held: tuple[Holdable, ...]) -> ProgramFunctions:
         conditions, loads = self.functions.conditions, held_loads(mode, held)
         sliding = sliding_of(mode, held, self.functions.loaded)
 

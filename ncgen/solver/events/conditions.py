@@ -12,16 +12,18 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.conditions_in_c import LINEAR, QUADRATIC, UNWATCHED, Conditions, Formulas
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.program_functions import CompiledFunctions, functions
+from ncgen.model import Model
 from ncgen.model.actions import Change
 from ncgen.model.contacts import Contact
 from ncgen.model.elements import rate_name
 from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
 from ncgen.model.one_sided import Ratchet
-from ncgen.model.values import Scalar, Value, as_sympy, is_number, symbol_of
+from ncgen.model.values import Scalar, Value, as_sympy, is_number
 from ncgen.program.motions.condition_formulas import FormulaTable, assemble_formulas
 from ncgen.program.motions.event_programs import INPUTS, assemble_conditions, degree_of
-from ncgen.solver.events.modes import Held, LoadConditions, variant
+from ncgen.solver.events.holdables import LOCK, Holdable, holdables
+from ncgen.solver.events.modes import LoadConditions, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.runs.stop import DIRECTIONS, StopCondition
 from ncgen.solver.trajectories.happening import Search
@@ -48,13 +50,11 @@ class EventFunctions:
         self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
         first = len(self.events) + len(self.frictions) + len(self.contacts)
         self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), first))
-        self.locks = {each.name: held_where_it_is(-1, each) for each in model.locks.values()}
+        self.locks = {each.name: each for each in holdables(model) if each.kind == LOCK}
         turning = [k for k, contact in self.contacts.items() if len(contact.sliding) > 1]
         self.turns = dict(enumerate(turning, first + len(self.ratchets)))
         self.count = first + len(self.ratchets) + len(self.turns)
-        ways = [DIRECTIONS[event.direction] for event in self.events]
-        falling = [DIRECTIONS["falling"]] * len(self.ratchets)
-        self.directions = np.array([*ways, *([UNWATCHED] * (first - len(ways))), *falling, *([UNWATCHED] * len(self.turns))], dtype=int)
+        self.directions = np.array(directions_of(model), dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
         self._sampled = np.zeros(self.count, dtype=bool)
         self._last: dict[str, tuple[State, np.ndarray]] = {}  # what was asked last of every function: a state is asked again and again
@@ -104,26 +104,17 @@ class EventFunctions:
         return np.array([name not in read for name in self.kernels.parameters], dtype=bool)
 
     @cached_property
-    def rows(self) -> tuple[Held, ...]:
+    def rows(self) -> tuple[Holdable, ...]:
         """The constraints that modes can have."""
-        return self.kernels.remember("rows of modes", (), self._rows)
-
-    def _rows(self) -> tuple[Held, ...]:
-        closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
-        rubbing = self.kernels.model.contacts
-        held = [Held(number=k, name=event.name, rows=(event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [held_where_it_is(k, f, f.static, f.pressed) for k, f in self.frictions.items()]
-        rests = {event.name for _, event in closing}
-        rolling = [Held(number=k, name=c.name, rows=c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
-        caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
-        return (*held, *sticking, *rolling, *caught)
+        made = self.kernels.remember("rows of modes", (), lambda: tuple(holdables(self.kernels.model)))
+        return tuple(each for each in made if each.kind != LOCK)
 
     @property
     def moving(self) -> dict[int, Friction | Ratchet]:
         """What is held by its velocity, by the numbers of its conditions."""
         return {**self.frictions, **self.ratchets}
 
-    def mode(self, at: State, held: Sequence[Held] = ()) -> Kernels:
+    def mode(self, at: State, held: Sequence[Holdable] = ()) -> Kernels:
         """The kernels of the mode in which these are held and the locks of a state are closed; held constraints are the last ones."""
         return variant(self.kernels, (*(self.locks[name] for name in at.locked), *held))
 
@@ -173,12 +164,8 @@ class EventFunctions:
         pairs = self._call("conditions", at)
         return pairs[::2], pairs[1::2]
 
-    def scales(self, at: State) -> np.ndarray:
-        """What the conditions' values are compared with, (C,): the sizes of their terms, and what moving by natural sizes changes."""
-        return self.weighed(at)[1]
-
     def weighed(self, at: State) -> tuple[np.ndarray, np.ndarray]:
-        """The conditions' values and `scales`, (C,) each."""
+        """The conditions' values, and what they are compared with, (C,) each: sizes of terms, and what moving by natural sizes changes."""
         values, terms = self.values(at)
         return values, terms + np.abs(self.slopes(at)[0]) @ self.kernels.column_sizes
 
@@ -230,11 +217,7 @@ class EventFunctions:
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of every condition."""
-        rates = [(f"friction {each.name}", each.along.rate) for each in self.frictions.values()]
-        teeth = [(f"ratchet {each.name}", each.along.rate) for each in self.ratchets.values()]
-        slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
-        turns = [(f"contact {self.contacts[k].name}", self.contacts[k].kept) for k in self.turns.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *teeth, *turns]
+        return conditions_of(self.kernels.model)
 
     @property
     def read_inputs(self) -> EventFunctions:
@@ -249,12 +232,6 @@ class EventFunctions:
     def static(self, k: int, at: State) -> float:
         """Static friction of a friction (N or N m), or its coefficient where it follows a load."""
         return self._number(f"friction {self.frictions[k].name}", self.frictions[k].static, at)
-
-    def limit(self, held: Held, at: State) -> float:
-        """What holds it: static friction of a joint (N or N m), the coefficient of a contact that sticks; 0 of a gap."""
-        if held.sticks:
-            return self.friction(held.number, at)
-        return 0.0 if held.static is None else self.static(held.number, at)
 
     def friction(self, k: int, at: State) -> float:
         """Coefficient of friction of a contact."""
@@ -336,16 +313,20 @@ class EventFunctions:
         return made
 
 
-def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None, pressed: tuple[int, ...] = ()) -> Held:
-    """The constraint of what is held at the place where it is at that instant."""
-    return Held(
-        number=number,
-        name=of.name,
-        rows=(of.along.position - symbol_of(of.held),),
-        static=static,
-        anchor=(of.held, of.along.initial),
-        pressed=pressed,
-    )
+def conditions_of(model: Model) -> list[tuple[str, Scalar]]:
+    """(words, expression) of all conditions: of events, then of joints with friction, contacts, ratchets, and directions of sliding."""
+    rates = [(f"friction {each.name}", each.along.rate) for each in model.frictions.values()]
+    teeth = [(f"ratchet {each.name}", each.along.rate) for each in model.ratchets.values()]
+    slides = [(f"contact {each.name}", each.forward) for each in model.contacts.values()]
+    turns = [(f"contact {each.name}", each.kept) for each in model.contacts.values() if len(each.sliding) > 1]
+    return [*((f"event {event.name}", event.when) for event in model.events.values()), *rates, *slides, *teeth, *turns]
+
+
+def directions_of(model: Model) -> list[int]:
+    """Of the same conditions: those of events, and that ratchets begin to turn back; what slides is watched as long as it does."""
+    watched, falling = [DIRECTIONS[event.direction] for event in model.events.values()], [DIRECTIONS["falling"]] * len(model.ratchets)
+    slides = [UNWATCHED] * (len(model.frictions) + len(model.contacts))
+    return [*watched, *slides, *falling, *([UNWATCHED] * sum(len(each.sliding) > 1 for each in model.contacts.values()))]
 
 
 def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ncgen.mechanism.conditions_in_c import UNWATCHED, basis, formula_arrays
+from ncgen.mechanism.conditions_in_c import basis, formula_arrays
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Locking
 from ncgen.model.contacts import Contact
@@ -17,8 +17,9 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.condition_formulas import FormulaTable, assemble_formulas
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.action_rows import ActionRow, Actions
-from ncgen.solver.events.conditions import degree_within_step, mentions_inputs
-from ncgen.solver.events.held_mechanism import HeldMechanism, Holdable, friction_of, held_mechanism, holdables
+from ncgen.solver.events.conditions import conditions_of, degree_within_step, directions_of, mentions_inputs
+from ncgen.solver.events.held_mechanism import HeldMechanism, held_mechanism, switched
+from ncgen.solver.events.holdables import Holdable, friction_of
 from ncgen.symbolic.numbering import Terms
 
 START = -1
@@ -74,7 +75,7 @@ class EventTable:
     @cached_property
     def holdables(self) -> tuple[Holdable, ...]:
         """What may be held."""
-        return holdables(self.kernels.model)
+        return switched(self.kernels.model)
 
     @cached_property
     def names(self) -> list[str]:
@@ -100,12 +101,7 @@ class EventTable:
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of all conditions."""
-        model = self.kernels.model
-        rates = [(f"friction {each.name}", each.along.rate) for each in model.frictions.values()]
-        teeth = [(f"ratchet {each.name}", each.along.rate) for each in model.ratchets.values()]
-        slides = [(f"contact {each.name}", each.forward) for each in self.contacts]
-        turns = [(f"contact {each.name}", each.kept) for each in self.turning]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *teeth, *turns]
+        return conditions_of(self.kernels.model)
 
     @cached_property
     def held(self) -> HeldMechanism | None:
@@ -119,7 +115,7 @@ class EventTable:
     @cached_property
     def rows(self) -> list[ActionRow]:
         """What events do, and what is done where a motion begins."""
-        model, holds, first = self.kernels.model, [each.name for each in self.holdables], len(self._filled.values)
+        model, holds, first = self.kernels.model, [each.words for each in self.holdables], len(self._filled.values)
         rows = [ActionRow(START, "NCGEN_SET", self.kernels.parameters.index(name), first + k) for k, name in enumerate(model.beginnings)]
         rows += [ActionRow(START, "NCGEN_LOCK", holds.index(lock.name)) for lock in model.locks.values() if lock.closed]
         locking = [(k, action) for k, event in enumerate(self.events) for action in event.do if isinstance(action, Locking)]
@@ -170,7 +166,7 @@ class EventTable:
         for each in self.holdables:
             indices = [parameters.index(name) if name else -1 for name in (each.switch, each.held, each.slip)]
             rows.append(HoldRow(
-                kind=each.kind, condition=each.condition, on=indices[0], held=indices[1], value=first if each.held else -1, slip=indices[2],
+                kind=each.kind, condition=each.number, on=indices[0], held=indices[1], value=first if each.held else -1, slip=indices[2],
                 load=load,
             ))  # fmt: skip
             first += bool(each.held)
@@ -240,8 +236,7 @@ class EventTable:
     @cached_property
     def described(self) -> dict[str, object]:
         """What templates are filled with."""
-        actions, count, ratchets = self._filled, len(self.conditions), len(self.kernels.model.ratchets)
-        unwatched = [UNWATCHED] * (count - len(self.events) - ratchets - len(self.turning))
+        actions, count = self._filled, len(self.conditions)
         nodes, inverse = basis(actions.degree)
         return {
             "names": self.names,
@@ -256,7 +251,7 @@ class EventTable:
             "sliding": len(self.sliding),
             "most": max(count, actions.most),
             "law": actions.law,
-            "directions": [*actions.directions, *unwatched, *[-1] * ratchets, *[UNWATCHED] * len(self.turning)],
+            "directions": directions_of(self.kernels.model),
             "rows": self.rows,
             "values": len(self.values),
             "degree": actions.degree,

@@ -23,20 +23,21 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.listening import REACTION, Listener
 from ncgen.mechanism.program_functions import CompiledFunctions
 from ncgen.mechanism.program_functions import functions as functions_of
-from ncgen.methods.method import Method
+from ncgen.methods.method import Method, settings_in_c
 from ncgen.methods.table import number_in_c
 from ncgen.model.actions import Change, Impact, Locking, Stop
 from ncgen.model.digest import digest_of_events
 from ncgen.model.values import Scalar
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_programs import assemble_conditions
-from ncgen.solver.engines import acceleration_forms, capabilities, compiled
+from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.events import on_demand
 from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.event_table import EventTable
 from ncgen.solver.events.held_mechanism import refusal_of_frictions, refusal_of_shared, with_switches
-from ncgen.solver.events.modes import Held, load_conditions, rank_of, variant
+from ncgen.solver.events.holdables import Holdable
+from ncgen.solver.events.modes import load_conditions, rank_of, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.loads.constraint_loads import refusal_of_multipliers
 from ncgen.solver.parameter_checks import judged_parameters
@@ -93,11 +94,11 @@ class ManyRuns:
             kernels.column_sizes, kernels.column_sizes
         )
         self._sizes = tolerances.pop("sizes")
-        step = self.run.max_step
+        step = self.run.settings.max_step
         self._options = {
             "method": number_in_c(self.method.integrator), "formalism": number_in_c(self.method.formalism),
             "tolerance": capabilities.closeness("double"), "max_step": 0.0 if np.isinf(step) else step,
-            **compiled.settings_in_c(self.method.options), **tolerances,
+            **settings_in_c(self.method.options), **tolerances,
         }  # fmt: skip
         if kernels.model.beginnings and not self._exported:
             driven = EventFunctions(kernels.driven_by(self.run.signals))
@@ -317,7 +318,7 @@ class ManyRuns:
         """Whether the mode that a motion needs could be added."""
         wanted = runs.wanted
         with self._lock:
-            rows: dict[int, Held] = {row.number: row for row in self.functions.rows}
+            rows: dict[int, Holdable] = {row.number: row for row in self.functions.rows}
             if not wanted or wanted in runs.held or not set(wanted) <= set(rows):
                 return False
             held = tuple(rows[k] for k in wanted)

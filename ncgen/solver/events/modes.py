@@ -21,15 +21,16 @@ from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.program_functions import CompiledFunctions, ProgramFunctions
 from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.mechanism.reactive import ReactiveForce
-from ncgen.model.contacts import Contact
 from ncgen.model.frictions import Friction
-from ncgen.model.values import Scalar, Value, as_sympy, evaluate
+from ncgen.model.values import as_sympy, evaluate
 from ncgen.program.ir.blocks import Program
-from ncgen.program.motions.event_programs import INPUTS, HeldLoad, assemble_mode_conditions
+from ncgen.program.ir.evaluate import evaluate as interpreted
+from ncgen.program.motions.event_programs import INPUTS, HeldLoad, assemble_load_margins, assemble_mode_conditions
 from ncgen.program.motions.multipliers import STATE
 from ncgen.program.motions.sliding import Sliding, assemble_friction
 from ncgen.program.motions.sliding_derivatives import assemble_friction_derivatives
 from ncgen.solver.events import on_demand
+from ncgen.solver.events.holdables import LOCK, Holdable
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
@@ -43,30 +44,6 @@ if TYPE_CHECKING:
 DOMAIN = STATUS.index("domain")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Held:
-    """Constraints that a mode can have together. number: of the condition that they belong to; rows: expressions that stay zero in the mode
-
-    static: the friction that holds a joint, None for others; pressed: numbers of the constraints whose load it is multiplied by
-    rubs: the friction of a contact; sticks: whether these are the velocities of such a contact, and not its gap
-    place: name of the parameter that says where it is held, and where it is in the initial position
-    """
-
-    number: int
-    name: str
-    rows: tuple[Scalar, ...]
-    static: Value | None = None
-    rubs: Contact | None = None
-    sticks: bool = False
-    anchor: tuple[str, Scalar] | None = None
-    pressed: tuple[int, ...] = ()
-
-    @property
-    def key(self) -> tuple[str, bool]:
-        """What tells it from others of a mechanism."""
-        return self.name, self.sticks
-
-
 @dataclass(frozen=True, eq=False)
 class Mode:
     """From t (s) on: names of what is held, and the kernels with these constraints, the last of theirs."""
@@ -76,7 +53,7 @@ class Mode:
     kernels: Kernels
 
 
-def variant(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
+def variant(kernels: Kernels, held: tuple[Holdable, ...]) -> Kernels:
     """The kernels of a mechanism with more constraints, which have the coordinates and parameters of the mechanism itself."""
     if not held and not any(each.load is not None for each in kernels.model.frictions.values()):
         return kernels
@@ -84,12 +61,12 @@ def variant(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     return kernels.remember("modes", key, lambda: _made(kernels, held)).driven_by(kernels._drive)
 
 
-def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
+def _made(kernels: Kernels, held: tuple[Holdable, ...]) -> Kernels:
     model = on_demand.without_events(kernels.model)
     for each in held:
-        if each.anchor:  # so that positions around the start, in which accelerations are seen, are those of the mechanism
-            name, initial = each.anchor
-            model.parameters[name] = replace(model.parameters[name], default=evaluate(initial, model.numbers, each.name))
+        if each.held:  # so that positions around the start, in which accelerations are seen, are those of the mechanism
+            default = evaluate(each.initial, model.numbers, each.name)
+            model.parameters[each.held] = replace(model.parameters[each.held], default=default)
         for row in each.rows:
             hold = model.constrain_velocity if each.sticks else model.constrain
             hold(row, f"{each.name}, held")  # type: ignore[arg-type]
@@ -103,14 +80,14 @@ def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     return made
 
 
-def sliding_of(kernels: Kernels, held: tuple[Held, ...], frictions: Iterable[Friction]) -> tuple[Sliding, ...]:
+def sliding_of(kernels: Kernels, held: tuple[Holdable, ...], frictions: Iterable[Friction]) -> tuple[Sliding, ...]:
     """What slides in a mode with friction that follows loads: the contacts whose gap is held while they do not stick, and joints that do
     not. kernels: of the mode; frictions: of the mechanism"""
     sticking = {each.name for each in held if each.sticks}
     contacts = (
         Sliding(name=c.name, row=row, friction=as_sympy(c.friction), velocity=c.sliding, slip=c.slip)
         for each, row in zip(held, first_rows(kernels, held), strict=True)
-        if (c := each.rubs) and c.name not in sticking
+        if (c := each.contact) and c.name not in sticking
     )
     joints = (
         Sliding(
@@ -128,12 +105,12 @@ def sliding_of(kernels: Kernels, held: tuple[Held, ...], frictions: Iterable[Fri
     return (*contacts, *joints)
 
 
-def _stick(friction: Friction, held: Iterable[Held]) -> bool:
+def _stick(friction: Friction, held: Iterable[Holdable]) -> bool:
     """Whether a joint's friction holds it."""
     return any(each.static is not None and each.name == friction.name for each in held)
 
 
-def first_rows(kernels: Kernels, held: Sequence[Held]) -> list[int]:
+def first_rows(kernels: Kernels, held: Sequence[Holdable]) -> list[int]:
     """The numbers of the first constraints of what is held, which are the last ones of a mode."""
     if not held:
         return []
@@ -174,7 +151,7 @@ def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
     return ReactiveForce(functions=made, name="friction_forces", key=f"friction {digest}", programs=programs, tangents=tangents)
 
 
-def forces_of(mode: Kernels, held: tuple[Held, ...], number: int, at: State) -> np.ndarray:
+def forces_of(mode: Kernels, held: tuple[Holdable, ...], number: int, at: State) -> np.ndarray:
     """The forces of one constraint of what a mode holds, by its number in that: one for each of its rows (N)."""
     row = first_rows(mode, held)[number]
     lam = accelerations_by("lagrange").motion(mode, at.q, at.qd, at.t, mode.present(at.t, at.p), {}).lam
@@ -186,11 +163,11 @@ def rank_of(kernels: Kernels, mode: Kernels, at: State) -> int:
     return mode.remember("rank in a mode", kernels.of_rows(at.p).tobytes(), lambda: freedom_at(mode, at.q, at.t, at.p).rank, 64)
 
 
-def count_of(held: Iterable[Held], frictions: Iterable[Friction] = ()) -> int:
+def count_of(held: Iterable[Holdable], frictions: Iterable[Friction] = ()) -> int:
     """How many conditions loads have: one of a gap or a contact that sticks, two of a joint; and one of all that slides with friction that
     follows loads. frictions: of the mechanism"""
     held = tuple(held)
-    slides = {each.name for each in held if each.rubs and not each.sticks} - {each.name for each in held if each.sticks}
+    slides = {each.name for each in held if each.contact and not each.sticks} - {each.name for each in held if each.sticks}
     rubs = bool(slides) or any(each.load is not None and not _stick(each, held) for each in frictions)
     return sum(1 if each.static is None else 2 for each in held) + rubs
 
@@ -216,7 +193,7 @@ class LoadConditions(ABC):
         """Values and sizes of those of loads, (count,) each; p of the state has the values of inputs."""
 
 
-def load_conditions(functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> LoadConditions:
+def load_conditions(functions: EventFunctions, mode: Kernels, held: tuple[Holdable, ...]) -> LoadConditions:
     """Those of a mode: compiled, but for models that call Python functions or have more unknowns than are emitted."""
     kind = _InPython if refusal_of_multipliers(mode) else _Compiled
     made = mode.remember("load conditions", tuple(each.key for each in held), lambda: kind(functions.read_inputs, mode, held))
@@ -224,22 +201,25 @@ def load_conditions(functions: EventFunctions, mode: Kernels, held: tuple[Held, 
     return made
 
 
-def held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
-    """What holds each constraint of a mode; kernels: of the mode."""
-    rows = first_rows(kernels, held)
-    gaps = {each.name: row for each, row in zip(held, rows, strict=True) if each.rubs and not each.sticks}
-    return [
-        HeldLoad(words=each.name, row=row, grip=(gaps[each.name], as_sympy(each.rubs.friction)), directions=len(each.rows))
-        if each.rubs and each.sticks
-        else HeldLoad(words=each.name, row=row, static=None if each.static is None else as_sympy(each.static), pressed=each.pressed)
-        for each, row in zip(held, rows, strict=True)
-    ]
+def held_loads(kernels: Kernels, held: tuple[Holdable, ...], shows_force: bool = False) -> list[HeldLoad]:
+    """What holds each constraint of a mode but locks; kernels: of the mode; shows_force: as of `HeldLoad`, of contacts that stick."""
+    loads, gaps = list[HeldLoad](), dict[str, int]()
+    for each, row in zip(held, first_rows(kernels, held), strict=True):
+        if each.contact and each.sticks:
+            grip = gaps[each.name], as_sympy(each.contact.friction)
+            loads.append(HeldLoad(words=each.words, row=row, grip=grip, directions=len(each.rows), shows_force=shows_force))
+        elif each.kind != LOCK:
+            static = None if each.static is None else as_sympy(each.static)
+            loads.append(HeldLoad(words=each.name, row=row, static=static, pressed=each.pressed))
+        if each.contact and not each.sticks:
+            gaps[each.name] = row
+    return loads
 
 
 class _Compiled(LoadConditions):
     """In one program with those of the mechanism."""
 
-    def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
+    def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Holdable, ...]) -> None:
         frictions = functions.kernels.model.frictions.values()
         conditions, loads, sliding = functions.conditions, held_loads(mode, held), sliding_of(mode, held, frictions)
         words = [str((e.words, e.row, e.static, e.grip, e.directions, e.pressed)) for e in loads]
@@ -264,9 +244,10 @@ class _InPython(LoadConditions):
 
     calls_python = True
 
-    def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
+    def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Holdable, ...]) -> None:
         ffi: Interface = runtime_abi("double")
-        self._functions, self._mode, self._held, self.count = functions, mode.driven_by(None), held, count_of(held)
+        self._mode, self.count = mode.driven_by(None), count_of(held)
+        self._margins = assemble_load_margins(mode.programs.equations, held_loads(mode, held), mode.row_sizes)
         n, n_p, first = mode.n, len(mode.p0), 2 * functions.count
         raw_conditions = functions.raw("conditions")
 
@@ -284,18 +265,7 @@ class _InPython(LoadConditions):
         self.address = int(ffi.cast("uintptr_t", self._callback))
 
     def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
-        rows = self._mode.row_sizes
         lam = accelerations_by("lagrange").motion(self._mode, at.q, at.qd, at.t, at.p, {}).lam
-        margins, total = [], float(np.sum(rows * np.abs(lam)))
-        for each, load in zip(self._held, held_loads(self._mode, self._held), strict=True):
-            k, most = load.row, self._functions.limit(each, at)
-            if load.grip:
-                square = (most * lam[load.grip[0]]) ** 2
-                margins.append((square - np.sum(lam[k : k + load.directions] ** 2), square + (total / rows[k]) ** 2))
-            elif each.static is None:
-                margins.append((-lam[k], total / rows[k]))
-            else:
-                most *= float(np.linalg.norm(lam[list(each.pressed)])) if each.pressed else 1.0
-                margins += [(most + side * lam[k], most + total / rows[k]) for side in (1, -1)]
-        values, sizes = np.array(margins).T
-        return values, sizes
+        state = {"t": at.t, "q": at.q.tolist(), "qd": at.qd.tolist(), "p": at.p.tolist(), "lam": lam.tolist()}
+        pairs = np.array(interpreted(self._margins, state))
+        return pairs[::2], pairs[1::2]

@@ -62,7 +62,7 @@ def check_events(kernels: Kernels, method: Method, run: Run) -> None:
         raise ModelError(
             f"{where} need a formalism over all coordinates and an integrator in C that takes ordinary steps, not {method}; leave both out"
         )
-    if run.engine == "python" or run.number != "double":
+    if run.settings.engine == "python" or run.settings.number != "double":
         raise ModelError(f"{where} need the C engine in double precision; leave engine and number out")
     if kernels.model.branches:
         raise ModelError(f"{where} need smooth angles; the paper's sine-or-cosine constraints change between steps")

@@ -22,7 +22,8 @@ from ncgen.model.expressions import symbols_in
 from ncgen.model.values import Scalar
 from ncgen.program.motions.sliding import BEGINNING, Sliding
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import Held, sliding_of
+from ncgen.solver.events.holdables import Holdable
+from ncgen.solver.events.modes import sliding_of
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.instant import instant
 from ncgen.solver.formalisms.kkt import KKT
@@ -32,7 +33,7 @@ SHARED = 1e-6
 """A constraint shares its load with others if it takes more than this part in loads that cancel each other."""
 
 
-def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...], at: State) -> None:
+def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[Holdable, ...], at: State) -> None:
     """Raise ConvergenceError where loads that friction follows in a mode are not determined. kernels: of the mode"""
     if functions.loaded:
         _check_unshared(functions, kernels, at)

@@ -26,7 +26,8 @@ from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.motions.states import CommonCoordinates, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.progress_reports import ProgressOption, reporting
-from ncgen.solver.runs.run import COMPILED, Run, count
+from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.settings import COMPILED, count
 from ncgen.solver.runs.signals import Signal, signals_of
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.happening import Happening
@@ -234,10 +235,10 @@ def side_by_side(
         done.status[i] = fault
     alone = np.array([status not in ("ok", INTERRUPTED) for status in done.status])
     alone[[*exhausted, *states.faults, *events]] = False
-    batch = _Batch(kernels=kernels, grid=run.times, states=states, done=done, alone=alone, progress=progress, events=events)
+    batch = _Batch(kernels=kernels, grid=run.times.copy(), states=states, done=done, alone=alone, progress=progress, events=events)
     options = dict(
-        t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol, max_step=run.max_step,
-        inputs=inputs,
+        t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.settings.rtol, atol=run.settings.atol,
+        max_step=run.settings.max_step, inputs=inputs,
     )  # fmt: skip
     try:
         if INTERRUPTED in done.status:
@@ -278,15 +279,15 @@ def _in_lanes(
     tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
     return states.choice.lanes.simulate(
         method.integrator.name, run.times, InitialState(states.q, states.zd, states.p), threads, progress, breaks, tolerance=TOLERANCE,
-        max_growth=GROWTH, max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,
+        max_growth=GROWTH, max_step=0.0 if np.isinf(run.settings.max_step) else run.settings.max_step, max_steps=MOST_STEPS, **tolerances,
     )  # fmt: skip
 
 
 def in_lanes(kernels: Kernels, run: Run) -> Method:
     """The method of a batch. Raises ModelError where the choice is left open."""
-    if run.formalism is None or run.integrator is None:
+    if run.settings.formalism is None or run.settings.integrator is None:
         raise ModelError(f"{kernels.name}: a batch has no choice of its own; name one of {those_in_lanes()}")
-    return Method(run.formalism, run.integrator)
+    return Method(run.settings.formalism, run.settings.integrator)
 
 
 @dataclass(kw_only=True)

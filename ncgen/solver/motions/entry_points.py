@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from ncgen.solver.argument_checks import ArrayOrNamed, checked_kernels, count
 from ncgen.solver.batch_rows import WITH_ROWS, has_rows, refuse_batch_options, states_of
 from ncgen.solver.groups import MotionArguments, OneMotion, OneStart, OneState, StartArguments, takes, without_unused
 from ncgen.solver.runs.progress_reports import ProgressOption
+from ncgen.toolchain.undisturbed import undisturbed
 
 if TYPE_CHECKING:
     from ncgen.solver.motions.batch import BatchAccelerations, BatchTrajectory, StateAccelerations
@@ -111,10 +113,9 @@ def simulate(
         Where the energy of the result says that it cannot be right, and where another formalism would be many times faster.
     """
     if not has_rows(arguments):
-        from ncgen.solver.motions.simulate import simulate_one
-
-        refuse_batch_options("simulate", threads=threads)
-        return simulate_one(kernels, duration, points=101 if points is None else points, stop=stop, progress=progress, **arguments)
+        if threads is not None:
+            refuse_batch_options("simulate", threads=threads)
+        return _simulate_one()(kernels, duration, points=101 if points is None else points, stop=stop, progress=progress, **arguments)
     from ncgen.solver.motions.batch import simulate_batch
 
     if stop is not None:
@@ -124,6 +125,14 @@ def simulate(
         del options["formalism"]
     options = without_unused("simulate", options, ("formalism", "engine", "number", "options", "closing"), WITH_ROWS)
     return simulate_batch(kernels, duration, points=2 if points is None else points, threads=threads, progress=progress, **options)
+
+
+@cache
+def _simulate_one() -> Callable[..., Trajectory]:
+    """`simulate_one`, loaded when a call needs it."""
+    with undisturbed():
+        from ncgen.solver.motions.simulate import simulate_one
+    return simulate_one
 
 
 NOT_STEPPED = ("formalism", "engine", "number", "options", "max_step")

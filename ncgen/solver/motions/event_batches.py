@@ -14,7 +14,8 @@ from ncgen.solver.argument_checks import has_events
 from ncgen.solver.motions.states import States
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.choice import choose
-from ncgen.solver.runs.run import COMPILED, Run
+from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.settings import COMPILED
 from ncgen.solver.runs.signals import Signal
 from ncgen.solver.trajectories.happening import Happening
 
@@ -53,10 +54,10 @@ def through_events(
     from ncgen.solver.events.many_runs import ManyRuns, refusal_in_c
 
     single = Run.from_arguments(
-        kernels, run.duration, t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol,
-        max_step=run.max_step, engine=COMPILED, inputs=inputs,
+        kernels, run.duration, t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.settings.rtol,
+        atol=run.settings.atol, max_step=run.settings.max_step, engine=COMPILED, inputs=inputs,
     )  # fmt: skip
-    chosen = choose(single).method
+    chosen = choose(single.settings).method
     if refusal_in_c(kernels):
         return done, {}
     q, qd = np.empty(states.q.shape), np.empty(states.q.shape)

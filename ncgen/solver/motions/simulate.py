@@ -2,43 +2,28 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError, counted, warn
-from ncgen.mechanism.break_times import break_times, outside_breaks
-from ncgen.mechanism.driver_jumps import driver_jumps
+from ncgen.errors import ConvergenceError, DomainError, Interrupted, SingularError, counted, warn
 from ncgen.mechanism.kernels import Kernels
-from ncgen.methods.table import AUTO
-from ncgen.solver.argument_checks import checked_kernels, has_events
-from ncgen.solver.engines import acceleration_forms, capabilities, compiled
-from ncgen.solver.events.passage import Passage, check_events
+from ncgen.solver.argument_checks import checked_kernels
+from ncgen.solver.events.passage import Passage
 from ncgen.solver.groups import MotionArguments
+from ncgen.solver.motions.run_under_way import RunUnderWay, Stopwatch
 from ncgen.solver.positions.massless import check_mass
-from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
-from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
-from ncgen.solver.positions.rank import freedom_at, rank_at
-from ncgen.solver.runs.alarms import doubts, monitoring_times
-from ncgen.solver.runs.choice import IMPLICIT, Choice, choose, stiff_choice
-from ncgen.solver.runs.divergence import divergence
-from ncgen.solver.runs.path import Path
+from ncgen.solver.positions.negative_mass import doubtful, negative_instant
+from ncgen.solver.positions.partition import singular_message
+from ncgen.solver.positions.rank import REMEMBERED, freedom_at
+from ncgen.solver.runs.alarms import doubts
+from ncgen.solver.runs.choice import Choice, choose
 from ncgen.solver.runs.progress_reports import ProgressOption, reporting
-from ncgen.solver.runs.run import COMPILED, EMITTED, Form, Run
+from ncgen.solver.runs.run import Run
 from ncgen.solver.runs.start import Start, begin
-from ncgen.solver.runs.task import Task
-from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.solver.trajectories.energy import Instants
-from ncgen.solver.trajectories.grid_motion import Statistics
 from ncgen.solver.trajectories.trajectory import Trajectory
-from ncgen.toolchain.preparation import preparation_seconds
-
-STEP_COUNT_TOLERANCE = 1 + 1e-12
-"""A step that is longer than a grid's by this share: as many steps as there are instants, whatever rounding does."""
 
 MAX_PARTITIONED_DOF = 100
 """Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
@@ -56,13 +41,16 @@ def simulate_one(
     """Simulate one motion; arguments, results and errors as of `simulate` without rows."""
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, stop=stop, progress=progress, **arguments)
     kernels = kernels.driven_by(run.signals)
-    choice = choose(run)
-    start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
-    if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MAX_PARTITIONED_DOF:
+    choice = choose(run.settings)
+    is_partitioned = not choice.method.is_constrained
+    start = begin(kernels, run.initial, is_partitioned)
+    if is_partitioned and (freedom := kernels.n - kernels.m) > MAX_PARTITIONED_DOF:
         warn(
             f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
             "formalism='lagrange' solves sparsely, many times faster"
         )
+    if progress is not True:
+        return _carry_out(kernels, run, choice, start, progress or None)
     with reporting(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as advance:
         return _carry_out(kernels, run, choice, start, advance)
 
@@ -74,7 +62,7 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
     """
     step, length = float(np.max(np.diff(times))), float(times[-1] - times[0])
     run = Run.from_arguments(checked_kernels(kernels), length, points=times, max_step=step, **options)
-    kernels, choice = kernels.driven_by(run.signals), choose(run)
+    kernels, choice = kernels.driven_by(run.signals), choose(run.settings)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
     return _carry_out(kernels, run, choice, start, None, breaks)
 
@@ -82,11 +70,9 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
 def simulate_events(kernels: Kernels, times: np.ndarray, **options: Any) -> Passage:
     """As `simulate_one` over times (K,), s, from the first of them on: what a run with events meets on its way."""
     run = Run.from_arguments(checked_kernels(kernels), float(times[-1] - times[0]), points=times, **options)
-    kernels, choice = kernels.driven_by(run.signals), choose(run)
+    kernels, choice = kernels.driven_by(run.signals), choose(run.settings)
     start = begin(kernels, run.initial, partitioned=False)
-    motion = _Motion(
-        kernels=kernels, run=run, choice=choice, start=start, times=run.times, movable=np.zeros(len(run.times), dtype=bool), progress=None
-    )
+    motion = RunUnderWay(kernels=kernels, run=run, choice=choice, start=start, rows=run.grid.plain, progress=None)
     motion.advance()
     return motion.passage
 
@@ -98,12 +84,10 @@ def _carry_out(
 
     Raises Interrupted with what was reached.
     """
-    check_mass(kernels, start.q, run.initial.t, start.p)
-    times, movable = _with_extra(run.times, monitoring_times(run, choice.method))
-    motion = _Motion(
-        kernels=kernels, run=run, choice=choice, start=start, times=times, movable=movable, progress=progress, given_breaks=breaks
-    )
-    clock = _Stopwatch()
+    has_doubtful = kernels.remember("masses at starts", start, lambda: _check_masses(kernels, start, run.initial.t), REMEMBERED)
+    rows = run.grid.plain if choice.method.has_fixed_step else run.grid.monitored  # other times would change the steps of these
+    motion = RunUnderWay(kernels=kernels, run=run, choice=choice, start=start, rows=rows, progress=progress, given_breaks=breaks)
+    clock = Stopwatch()
     try:
         motion.advance()
     except KeyboardInterrupt as stopped:
@@ -118,283 +102,16 @@ def _carry_out(
     trajectory = motion.trajectory(clock)
     if motion.passage.rests:
         warn(f"{kernels.name}: {motion.passage.rests}")
-    here = kernels, start.q, run.initial.t, start.p
-    if choice.method.is_constrained and rank_at(*here)[1]:
-        warn(singular_message(kernels, freedom_at(*here)))
-    if negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p):
+    if choice.method.is_constrained and motion.mobility[1]:
+        warn(singular_message(kernels, freedom_at(kernels, start.q, run.initial.t, start.p)))
+    if has_doubtful and (negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p)):
         warn(f"{kernels.name}: {negative}")
-    for doubt in doubts(trajectory, motion.inspected(trajectory), motion.tolerances, choice.method):
+    for doubt in doubts(trajectory, motion.inspected(), motion.tolerances, choice.method):
         warn(f"{kernels.name}: {doubt}")
     return trajectory
 
 
-def _with_extra(times: np.ndarray, extra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A grid with instants inside it put between its own where they are others, and a mask of these."""
-    extra = extra[times[np.searchsorted(times, extra)] != extra]
-    both = np.concatenate([times, extra])
-    order = np.argsort(both, kind="stable")
-    return both[order], order >= len(times)
-
-
-def _with_neighbours(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Breaks, and the times of a grid before and after each: between these steps of a method in SciPy's manner are equal."""
-    before = times[np.maximum(np.searchsorted(times, breaks[:, 0], side="left") - 1, 0)]
-    after = times[np.minimum(np.searchsorted(times, breaks[:, 1], side="right"), len(times) - 1)]
-    rows = np.concatenate([breaks, *(np.column_stack([each, each]) for each in (before, after))])
-    return np.unique(rows, axis=0)
-
-
-class _Stopwatch:
-    """The time of a run, and apart from it that of generating and compiling what it needed first."""
-
-    def __init__(self) -> None:
-        self._begun, self._prepared = time.perf_counter(), preparation_seconds()
-
-    def read(self) -> tuple[float, float]:
-        """Return the seconds of the run without preparation, and those of preparation."""
-        preparation = preparation_seconds() - self._prepared
-        return time.perf_counter() - self._begun - preparation, preparation
-
-
-@dataclass(kw_only=True)
-class _Motion:
-    """One run on its way: the path so far, and which engine makes it.
-
-    given_breaks: None, or the breaks of a run that takes one step from each of its times to the next
-    times: its own instants and those at which it is looked at, of which `movable` is a mask; C moves these to where its steps end
-    """
-
-    kernels: Kernels
-    run: Run
-    choice: Choice
-    start: Start
-    times: np.ndarray
-    movable: np.ndarray
-    progress: Callable[[float], None] | None
-    given_breaks: np.ndarray | None = None
-    engine: str = "c"
-
-    def __post_init__(self) -> None:
-        self.path = Path.empty(self.kernels.n, self.start.partitions)
-        functions = self.run.signals.laws if self.run.signals else ()
-        rounding = capabilities.rounding(self.run.number)
-        ends = float(self.times[0]), float(self.times[-1])
-        start, breaks = self.start, self.given_breaks
-        self.breaks = break_times(self.kernels, start.p, *ends, functions, rounding) if breaks is None else breaks
-        self.passage = Passage()
-        self.jumps = driver_jumps(self.kernels, start.p, start.q, self.breaks)
-        self.tolerances = Tolerances.of(self.run, self.kernels.length, capabilities.rounding(self.run.number))
-
-    def advance(self) -> None:
-        """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
-        run, kernels = self.run, self.kernels
-        form = self._form()
-        if has_events(kernels.model):
-            check_events(kernels, self.choice.method, run)
-        refused = "asked for" if run.engine == "python" else self._refusal()
-        needs_c = run.engine in (COMPILED, "c", *EMITTED) or run.number != "double"
-        remedy = "engine='auto'" if run.number == "double" else "number='double'"
-        if refused and needs_c:
-            number = "" if run.number == "double" else f" with {run.number}"
-            raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {remedy}")
-        if refused is None:
-            refused = self._in_c(form)
-            if refused == compiled.STIFFNESS_REASON:
-                refused = self._go_on_implicit(form)
-                form = self._form() if form == "tree" else form
-            if refused and needs_c:
-                raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it continues in Python")
-        if refused is not None:
-            self._check_reference(refused)
-            if self.choice.method.is_constrained:
-                self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again
-            self._in_python()
-        self.engine = f"python: {refused}" if refused else "c" if form == "dense" else form
-
-    def _check_reference(self, refused: str) -> None:
-        """Raise for a method that the reference in Python does not have; refused: why C does not carry the run out, or where it stopped."""
-        name, method = self.kernels.name, self.choice.method
-        if method.integrator.in_python:
-            return
-        if self.run.engine == "python":
-            raise ModelError(f"{name}: {method} is in C only; use engine='auto'")
-        if len(self.path.q):
-            raise ConvergenceError(f"{name}: {refused}; take smaller steps (max_step) or another integrator")
-        raise ModelError(f"{name}: {method} is in C only, and {refused}; install gcc or clang, or take the integrator dop853")
-
-    def diverged(self) -> ConvergenceError | None:
-        """What to say where the path's end shows that its fixed steps were too long for the motion; None otherwise."""
-        method, run = self.choice.method, self.run
-        step = run.max_step if method.has_fixed_step else None
-        return divergence(self.kernels, self.path, float(self.times[0]), method, step, self.start.p)
-
-    def refuse_negative(self) -> None:
-        """Raise SingularError where the path ends before a position at which the mass matrix is not positive definite."""
-        if end := len(self.path.q):
-            t = self.times[max(0, min(end - 1, len(self.times) - 2)) :][:2]
-            refuse_negative_ahead(self.kernels, self.path.q[-1], self.path.qd[-1], float(t[0]), float(t[-1] - t[0]), self.start.p)
-
-    def _form(self) -> Form:
-        """What state derivative C is given: as named, else one that is emitted where there is one over all coordinates."""
-        if self.run.engine in EMITTED:
-            return self.run.engine
-        is_open = self.run.engine in (AUTO, COMPILED) and self.run.number == "double"
-        return acceleration_forms.form_of(self.kernels, self.choice.method) if is_open else "dense"
-
-    def _go_on_implicit(self, form: Form) -> str | None:
-        """Take the implicit method from where the path has come to: why that cannot be done in C, or None.
-
-        form: of the accelerations so far
-        """
-        path, before = self.path, self.choice.method
-        t = self.times[len(path.q) - 1]
-        try:
-            other = stiff_choice(self.run, self.choice, form != "dense")
-            if other is None:
-                return compiled.STIFFNESS_REASON
-            self.choice = other
-            if other.method.is_constrained:
-                return self._in_c(self._form() if form == "tree" else form)
-            path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
-            return self._refusal() or self._in_c("dense")
-        except (SingularError, ModelError, ConvergenceError) as error:
-            raise ConvergenceError(
-                f"{self.kernels.name}: beyond t = {t:.6g} s steps of {before} become tiny and {IMPLICIT} does not go on; the "
-                "mechanism comes to a singular position there, or rtol asks for less than rounding leaves"
-            ) from error
-
-    def _refusal(self) -> str | None:
-        refused = capabilities.refusal(self.kernels, self.choice.method, self.run.engine, self.run.number)
-        return refused or (
-            capabilities.refusal_of_size(self.kernels, self.start.partitions, self.run.engine) if self.start.partitions else None
-        )
-
-    def _in_c(self, form: Form) -> str | None:
-        """Why C did not come to the end, or None."""
-        kernels, task, dense = self.kernels, self._task(), "dense" if form == "tree" else form
-
-        def engine(path: Path, moved: Kernels, task: Task) -> str | None:
-            if task.method.is_constrained:
-                moved_form = form if moved is kernels or form == "dense" else acceleration_forms.form_of(moved, task.method)
-                return compiled.run_constrained(path, moved, task, moved_form)
-            return compiled.run(path, kernels, task, dense)
-
-        def whole(path: Path, kernels: Kernels, task: Task) -> str | None:
-            if not len(self.jumps):
-                return engine(path, kernels, task)
-            from ncgen.solver.engines.segments import in_segments
-
-            return in_segments(engine, path, kernels, task, self.jumps)
-
-        if not has_events(kernels.model):
-            return whole(self.path, kernels, task)
-        from ncgen.solver.events.loop import through_events
-
-        return through_events(whole, self.path, kernels, task, self.passage)
-
-    def _in_python(self) -> None:
-        from ncgen.solver.engines import reference, segments
-
-        task = replace(self._task(), calls_c=self.run.engine == AUTO and not self.choice.method.integrator.in_c)
-
-        def engine(path: Path, kernels: Kernels, task: Task) -> None:
-            begun = float(task.grid[len(path.q)])
-            reference.run(path, kernels.driven_by(task.signals.begun_at(begun)) if task.signals and len(self.breaks) else kernels, task)
-
-        ends = self.breaks
-        if task.steps_to_rows:
-            ends, task = _with_neighbours(ends, task.grid), replace(task, max_step=task.max_step * STEP_COUNT_TOLERANCE)
-        segments.in_segments(engine, self.path, self.kernels, task, ends)
-
-    def _task(self) -> Task:
-        """What is asked of an engine."""
-        start, run, method = self.start, self.run, self.choice.method
-        velocities = start.qd if method.is_constrained else self._rates()
-        gives_way = stiff_choice(run, self.choice, recurs=True) is not None
-        return Task(
-            method=method,
-            grid=self.times,
-            q=start.q,
-            velocities=velocities,
-            p=start.p,
-            max_step=run.max_step,
-            tolerances=self.tolerances,
-            number=run.number,
-            stop=run.stop,
-            progress=self.progress,
-            stop_when_stiff=gives_way,
-            signals=run.signals,
-            breaks=self.breaks,
-            movable=self.movable,
-            jumps=self.jumps,
-            steps_to_rows=self.given_breaks is not None,
-        )
-
-    def _rates(self) -> np.ndarray:
-        """Velocities of the independent coordinates at the start."""
-        return self.start.qd[determined(self.path.partitions).velocity.independent]
-
-    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times of the path's rows, and a mask of those that were not asked for."""
-        path = self.path
-        times, is_extra = self.times[: len(path.q)], self.movable[: len(path.q)]
-        if path.stopped is None:
-            return times, is_extra
-        return np.append(self.times[: len(path.q) - 1], path.stopped), np.append(self.movable[: len(path.q) - 1], False)
-
-    def inspected(self, run: Trajectory) -> Instants:
-        """The instants at which a trajectory is looked at, and its ends; all of it where there are no such instants."""
-        (times, is_extra), path = self._rows(), self.path
-        if not len(self.jumps) and not is_extra.any():
-            return Instants(run.t, run.q, run.qd, run.work)
-        if len(self.jumps):
-            times = outside_breaks(self.breaks, times)  # a row at a jump is of the time before it
-        shown = sorted({0, *np.flatnonzero(is_extra).tolist(), len(times) - 1}) if is_extra.any() else range(len(times))
-        return Instants(*(rows.take(shown, axis=0) for rows in (times, path.q, path.qd, path.work)))
-
-    def trajectory(self, clock: _Stopwatch) -> Trajectory:
-        """The motion at the instants that were asked for, as far as it came."""
-        path, run, method = self.path, self.run, self.choice.method
-        times, is_extra = self._rows()
-        wanted = np.flatnonzero(~is_extra)
-        steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
-        seconds, preparation = clock.read()
-        spent = Statistics(
-            steps=steps,
-            evaluations=evaluations,
-            newton_steps=newton_steps,
-            partition_changes=changes,
-            repeated_steps=repeated,
-            seconds=seconds,
-            projections=path.projections,
-            largest_projection=path.largest_projection,
-            jacobians=path.jacobians,
-            fallbacks=path.fallbacks,
-            preparation=preparation,
-        )
-        kernels = self.passage.driving(self.kernels, self.start.p)
-        modes = tuple(replace(each, kernels=self.passage.driving(each.kernels, self.start.p)) for each in self.passage.modes)
-        return Trajectory(
-            kernels=kernels,
-            t=times.take(wanted),
-            q=path.q.take(wanted, axis=0),
-            qd=path.qd.take(wanted, axis=0),
-            work=path.work.take(wanted),
-            p=self.start.p,
-            partitions=path.partitions,
-            statistics=spent,
-            formalism=method.formalism.name,
-            integrator=method.integrator.name,
-            engine=self.engine,
-            chosen=run.initial.z or self.kernels.model.chosen_independent,
-            moved_by=kernels,
-            options=method.options,
-            stopped=path.stopped is not None,
-            number=run.number,
-            made_with=acceleration_forms.explained(self.kernels, self.choice, run, self.engine),
-            impulses=tuple(path.impulses),
-            events=tuple(self.passage.happened),
-            modes=modes,
-            changed=bool(self.passage.changes),
-            user_formalism=method.formalism if method.formalism.user_object else None,
-        )
+def _check_masses(kernels: Kernels, start: Start, t: float) -> bool:
+    """Raise SingularError where the mass matrix at a start leaves a motion without inertia; whether it may on the way."""
+    check_mass(kernels, start.q, t, start.p)
+    return bool(doubtful(kernels))

@@ -41,7 +41,8 @@ from ncgen.solver.motions.step_preparation import (
 )
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.positions.massless import check_mass
-from ncgen.solver.runs.run import MOST_NUMBERS, Initial
+from ncgen.solver.runs.grid import MOST_NUMBERS
+from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.output_values import uses_accelerations
 

@@ -19,7 +19,8 @@ from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.rank import rank_at
 from ncgen.solver.runs.choice import ALL, EXPLICIT
-from ncgen.solver.runs.run import Initial, relative_tolerance
+from ncgen.solver.runs.run import Initial
+from ncgen.solver.runs.settings import relative_tolerance
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.tolerances import NEAR_ZERO, Tolerances
 from ncgen.solver.trajectories.output_values import outputs_of, uses_loads

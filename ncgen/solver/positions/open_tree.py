@@ -13,7 +13,7 @@ from ncgen.program.tree.couplings import NoTables
 from ncgen.program.tree.table_layout import TreeTables, tables_of
 from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPosition
 from ncgen.solver.positions.described_position import found_in_described
-from ncgen.symbolic.tree import spanning_tree
+from ncgen.symbolic.tree import Tree, spanning_tree
 
 PARAMETER_PERTURBATION = 0.03
 """By which share of theirs other parameters differ."""
@@ -65,10 +65,9 @@ def tree_with_loops(kernels: Kernels) -> OpenTree | None:
     return made if isinstance(made, OpenTree) else None
 
 
-def is_open_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
-    """True where a mechanism is an open tree whose rows are independent at a position, too: link by link, so that it can be large."""
-    tree = open_tree(kernels)
-    return tree is not None and tree.is_regular(_look(kernels, p, q, t))
+def tree_of(kernels: Kernels) -> Tree:
+    """The spanning tree of a mechanism's bodies."""
+    return kernels.remember("spanning tree", (), lambda: spanning_tree(kernels.model))
 
 
 def _known(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
@@ -86,9 +85,9 @@ def _made(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
             kernels.p0
             + PARAMETER_PERTURBATION * generator.uniform(-1, 1, len(kernels.p0)) * np.where(kernels.p0 == 0.0, 1.0, np.abs(kernels.p0))
         )
-    around = Around(kernels.q0, [partial(_look, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
+    around = Around(kernels.q0, [partial(sampled, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
     try:
-        tree = spanning_tree(kernels.model, closes_loops_last=closes_loops)
+        tree = spanning_tree(kernels.model, closes_loops_last=True) if closes_loops else tree_of(kernels)
         return OpenTree(
             kernels.programs.equations, tree, (kernels.mass_pattern, kernels.phi_q_pattern), around, kernels.model.parameters, closes_loops
         )
@@ -96,6 +95,7 @@ def _made(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
         return str(reason)
 
 
-def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> SampledPosition:
+def sampled(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> SampledPosition:
+    """What the kernels say of a position."""
     phi, phi_q, mass = (kernels.values(name, t, q, None, p) for name in ("phi", "phi_q", "mass"))
     return SampledPosition(q, phi / kernels.row_sizes, phi_q, mass)

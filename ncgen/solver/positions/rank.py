@@ -14,13 +14,14 @@ import scipy
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.algebra.pivoting import column_order
 from ncgen.solver import argument_checks
 from ncgen.solver.argument_checks import ArrayOrNamed
 from ncgen.solver.positions.described_position import found_in_described, is_described
-from ncgen.solver.positions.open_tree import is_open_tree, known_tree
+from ncgen.solver.positions.open_tree import known_tree, open_tree, sampled
 from ncgen.solver.positions.position import TOLERANCE, check_finite, solve_position
+from ncgen.solver.positions.row_choice import best_rows, first_independent, represents_badly
 from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
+from ncgen.solver.positions.tree_rank import Implications, implied_rows
 
 if TYPE_CHECKING:
     import scipy.sparse.linalg
@@ -28,12 +29,12 @@ if TYPE_CHECKING:
 RELATIVE_ZERO = 1e-9
 """Singular values below this, relative to the largest, count as zero."""
 
+CLEAR_FRACTION = 1e-3
+"""Share of the largest singular value from which the least one is no question of rounding, nor of how rows are scaled."""
+
 POSITIONS = 6
 DISTANCE = 0.1
 """How far the trial positions are from the given one, relative to the mechanism's size."""
-
-MIN_SINGULAR_FRACTION = 1e-4
-"""Share of the least singular value of all rows below which that of the kept ones asks for others."""
 
 REMEMBERED = 16
 """How much of what was found for positions, such as degrees of freedom, is kept with the kernels."""
@@ -42,8 +43,8 @@ MIN_CACHED_ROWS = 8
 """Rows from which on the degrees of freedom in the position that a model describes are kept in the cache: finding them takes longer, and a
 process that reads them imports no random numbers."""
 
-ROWS_AT_ONCE = 64
-"""Rows whose parts outside a basis are computed by products of matrices, which reach the basis once for all of them."""
+MIN_TREE_ROWS = 100
+"""Rows from which on the joints of an open tree tell the rank: with as many it moves in loops over its tables, which are known then."""
 
 NEIGHBOUR = 1e-3
 """How far a neighbouring position is, likewise."""
@@ -58,24 +59,6 @@ def null_space(jacobian: np.ndarray) -> np.ndarray:
     """An orthonormal basis of the null space, columns (n, n − rank)."""
     _, values, right = np.linalg.svd(jacobian, full_matrices=True)
     return right[_rank_of(values) :].T
-
-
-def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
-    """The `rank` rows that a QR factorisation with exchanges finds farthest from dependent, in their own order."""
-    return np.sort(column_order(jacobian.T)[:rank])
-
-
-def counting_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
-    """All rows but those in which the combinations that vanish are largest, as ncgen_rows.c chooses them in C."""
-    left, _, _ = np.linalg.svd(jacobian)
-    return np.sort(column_order(left[:, rank:].T)[len(jacobian) - rank :])
-
-
-def largest_share(jacobian: np.ndarray, rows: np.ndarray) -> float:
-    """The largest share, at least 1, of rows that count in the sum of all others, these with signs in turn."""
-    others = np.delete(jacobian, rows, axis=0)
-    signs = (-1.0) ** np.arange(len(others))
-    return max(1.0, float(np.max(np.abs(np.linalg.lstsq(jacobian[rows].T, signs @ others, rcond=None)[0]), initial=0.0)))
 
 
 def scaled_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:
@@ -202,7 +185,7 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
 def rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[int, bool]:
     """The rank of Φ_q, and whether q is a singular position. A large open tree has none of these, and its joints tell the rank; which rows
     others imply is not looked for."""
-    if kernels.m >= DENSE and (tree := known_tree(kernels)):
+    if kernels.m >= MIN_TREE_ROWS and (tree := known_tree(kernels)):
         return kernels.n - tree.freedoms, False
     mobility = freedom_at(kernels, q, t, p)
     return mobility.rank, mobility.is_singular
@@ -225,8 +208,17 @@ def _freedom_from_cache(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray
 def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
     m, n = kernels.m, kernels.n
     check_finite(kernels, q, t, p)
-    if DENSE <= m <= n and (independent_rows(sparse_jacobian(kernels, q, t, p)) or is_open_tree(kernels, q, t, p)):
-        return Freedom(rank=m, rank_here=m, dof=n - m, redundant=(), kept_rows=tuple(range(m)), vanishing=np.zeros((n, 0)), positions=1)
+    implied = _implied_in_tree(kernels, q, t, p) if MIN_TREE_ROWS <= m <= n else None
+    if implied is None and DENSE <= m <= n and independent_rows(sparse_jacobian(kernels, q, t, p)):
+        implied = {}
+    if implied is None and m < DENSE and _has_clear_rank(scaled_jacobian(kernels, q, t, p)):
+        implied = {}
+    if implied is not None:
+        kept, scale = [row for row in range(m) if row not in implied], kernels.row_sizes
+        redundant = tuple(Redundancy(r, {k: c * scale[r] / scale[k] for k, c in parts.items()}) for r, parts in implied.items())
+        still = np.zeros((n, 0))
+        rank = len(kept)
+        return Freedom(rank=rank, rank_here=rank, dof=n - rank, redundant=redundant, kept_rows=tuple(kept), vanishing=still, positions=1)
     positions = trial_positions(kernels, q, t, p)
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
     largest = _largest_rows(jacobians)
@@ -235,10 +227,10 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
     ranks = list(map(_rank_of, values))
     rank = max(ranks)
     general = [j for j, r in zip(jacobians, ranks, strict=True) if r == rank]
-    kept = _independent_rows(general)
+    kept = first_independent(general)
     if len(kept) != rank:  # rows at the edge of independence, which the order of exclusion decides
         kept = best_rows(general[-1], rank).tolist()
-    elif _represents_badly(general[0], kept, values[ranks.index(rank)]):
+    elif represents_badly(general[0], kept, values[ranks.index(rank)]):
         kept = best_rows(general[0], rank).tolist()
     dependent = [row for row in range(m) if row not in set(kept)]
     scale = kernels.row_sizes
@@ -255,53 +247,26 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
     )
 
 
+def _has_clear_rank(jacobian: np.ndarray) -> bool:
+    """True for rows in natural units (m, n) that are far from being dependent: all ranks that there are, are theirs then."""
+    m, n = jacobian.shape
+    if not 0 < m <= n:
+        return False
+    values = np.linalg.eigvalsh(jacobian @ jacobian.T)
+    return bool(values[0] > CLEAR_FRACTION**2 * values[-1])
+
+
+def _implied_in_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Implications | None:
+    """The rows of an open tree that others imply; None of any other mechanism, or where the tree does not tell."""
+    tree = open_tree(kernels)
+    return None if tree is None or not np.array_equal(p, kernels.p0) else implied_rows(tree, sampled(kernels, p, q, t))
+
+
 def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:
     """The norm of every row where it is largest, shape (m, 1): users' rows have no natural size, and one that is small everywhere is no
     dependent one. Rows that vanish in some position keep doing so."""
     norms = np.max([np.linalg.norm(j, axis=1) for j in jacobians], axis=0)
     return np.where(norms > 0, norms, 1.0)[:, None]
-
-
-def _represents_badly(jacobian: np.ndarray, kept: list[int], values: np.ndarray) -> bool:
-    """True if rows, of which there are as many as the rank, are much nearer to being dependent than all rows together.
-
-    values: singular ones of all rows
-    """
-    count = len(kept)
-    return count > 0 and np.linalg.svd(jacobian[kept], compute_uv=False)[count - 1] < MIN_SINGULAR_FRACTION * values[count - 1]
-
-
-def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:
-    """Rows in their own order, each kept if it is independent of those kept before in some position, which is then asked on.
-
-    Positions in which a kept row depends on those before are asked no more, so that all kept rows are independent together.
-    """
-    bases = [(j, np.zeros((min(j.shape), j.shape[1]))) for j in jacobians]
-    kept: list[int] = []
-    for start in range(0, len(jacobians[0]), ROWS_AT_ONCE):
-        before = len(kept)
-        blocks = [(j, basis, _outside(_normalised(j[start : start + ROWS_AT_ONCE]), basis[:before])) for j, basis in bases]
-        for row in range(len(blocks[0][2])):
-            rests = [(block, _outside(block[2][row : row + 1], block[1][before : len(kept)])[0]) for block in blocks]
-            new = [(block, rest / size) for block, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
-            if new and len(kept) < len(new[0][0][1]):
-                blocks = [block for block, _ in new]
-                for (_, basis, _), rest in new:
-                    basis[len(kept)] = rest
-                kept.append(start + row)
-        bases = [(j, basis) for j, basis, _ in blocks]
-    return kept
-
-
-def _normalised(rows: np.ndarray) -> np.ndarray:
-    return rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
-
-
-def _outside(rows: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """The part of normalised rows outside an orthonormal basis, orthogonalised twice against rounding."""
-    for _ in range(2):
-        rows = rows - rows @ basis.T @ basis
-    return rows
 
 
 def _implications(jacobian: np.ndarray, dependent: list[int], kept: list[int], scale: np.ndarray) -> tuple[Redundancy, ...]:

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from ncgen.methods.method import Method
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.runs.run import Run
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.energy import Instants, drift
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
-
-N_SAMPLES = 8
-"""Instants inside a run at which the energy is looked at, besides its ends."""
-
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-
-SAMPLE_FRACTIONS = np.sort(np.arange(1, N_SAMPLES + 1) * GOLDEN % 1.0)
-"""Of a run, where its energy is looked at: multiples of the golden section are as far from every even grid as can be, so a motion that
-rests at all instants of the grid does not rest at these. A run in C without other rows there is looked at where the step around ends."""
 
 MAX_ENERGY_CHANGE = 1e-2
 """Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
@@ -40,13 +31,6 @@ ROUNDINGS = 64.0
 """The same in roundings of a number type that has fewer digits."""
 
 
-def monitoring_times(run: Run, method: Method) -> np.ndarray:
-    """Times inside a run at which its energy is looked at; none where they would change the steps."""
-    if method.has_fixed_step:
-        return np.empty(0)
-    return run.times[0] + SAMPLE_FRACTIONS * run.duration
-
-
 def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: Method) -> list[str]:
     """What speaks against a motion, in words.
 
@@ -55,14 +39,14 @@ def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: 
     rtol = tolerances.rtol
     feedback = method.options.get("stabilisation") in ("baumgarte", "none")
     reasons = [] if feedback or method.has_fixed_step else _contradiction(run, instants)
-    unseen = WORK_ERRORS * tolerances.atol if np.any(instants.work) else 0.0
-    change = drift(run.kernels, instants, run.p, unseen, limit=min(MAX_ENERGY_CHANGE, np.sqrt(rtol)))
+    unseen = WORK_ERRORS * tolerances.atol if any(instants.works()) else 0.0
+    change = drift(run.kernels, instants, run.p, unseen, limit=min(MAX_ENERGY_CHANGE, math.sqrt(rtol)))
     if feedback and change > MAX_ENERGY_CHANGE:
         reasons.append(
             f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
             "the motion may have left its branch, take smaller steps or another formalism"
         )
-    elif not method.has_fixed_step and change > np.sqrt(rtol):
+    elif not method.has_fixed_step and change > math.sqrt(rtol):
         other = (
             "or be too long for the tolerance"
             if method.is_constrained
@@ -86,7 +70,7 @@ def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: 
 
 def _violation(run: Trajectory, instants: Instants) -> float:
     """The largest relative residual of the constraints at some instants."""
-    return float(replace(run, **instants._asdict()).violation().max())
+    return float(replace(run, t=instants.t, q=instants.q, qd=instants.qd, work=instants.work).violation().max())
 
 
 def _contradiction(run: Trajectory, instants: Instants) -> list[str]:
@@ -107,7 +91,10 @@ def _contradiction(run: Trajectory, instants: Instants) -> list[str]:
         if len(kernels.holonomic) == kernels.m and not np.any(nu):
             continue
         rows = kernels.jacobian(q, t, refresh_branches(kernels, q, p))
-        rest, terms = np.abs(rows @ qd - nu), np.abs(rows) @ np.abs(qd) + np.abs(nu)
+        rest = np.abs(rows @ qd - nu)
+        if (rest <= worst * slow * kernels.row_sizes).all():
+            continue  # no remainder is larger then, whatever moves
+        terms = np.abs(rows) @ np.abs(qd) + np.abs(nu)
         remainders = rest / (np.max(terms / kernels.row_sizes, initial=slow) * kernels.row_sizes)
         row = int(np.argmax(remainders))
         if remainders[row] > worst:

@@ -12,16 +12,17 @@ take place in the degrees of freedom, else on independent coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Formalism, goes_with, options_of
-from ncgen.solver.runs.run import EMITTED, Run
+from ncgen.solver.runs.settings import CACHED, EMITTED, Settings
 
 EXPLICIT, IMPLICIT = "dop853", "radau"
 ALL, INDEPENDENT = "lagrange", "coordinate-partitioning"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Choice:
     """A method and why it is taken, in words."""
 
@@ -29,47 +30,49 @@ class Choice:
     why: str
 
 
-def choose(run: Run) -> Choice:
+@lru_cache(maxsize=CACHED)
+def choose(settings: Settings) -> Choice:
     """The method that a run begins with."""
-    if run.formalism and run.integrator:
-        return Choice(Method(run.formalism, run.integrator, options_of(run.formalism, run.integrator, run.options)), "as named")
-    formalism, why = (run.formalism, "formalism as named") if run.formalism else _formalism(run)
-    if run.integrator:
-        return Choice(_method(formalism, run.integrator.name, run), f"{why}; integrator as named")
+    if settings.formalism and settings.integrator:
+        return Choice(_method(settings.formalism, settings.integrator.name, settings), "as named")
+    formalism, why = (settings.formalism, "formalism as named") if settings.formalism else _formalism(settings)
+    if settings.integrator:
+        return Choice(_method(formalism, settings.integrator.name, settings), f"{why}; integrator as named")
     name = EXPLICIT if formalism.is_ordinary else next(i.name for i in INTEGRATORS.values() if formalism.name in i.steps)
-    return Choice(_method(formalism, name, run), f"{why}; {name} reaches rtol with the fewest evaluations")
+    return Choice(_method(formalism, name, settings), f"{why}; {name} reaches rtol with the fewest evaluations")
 
 
-def _formalism(run: Run) -> tuple[Formalism, str]:
+def _formalism(settings: Settings) -> tuple[Formalism, str]:
     """The formalism for what is named, and why."""
-    named = run.integrator
+    named = settings.integrator
     if named and not named.is_ordinary:
         return FORMALISMS[named.steps[0]], f"{named.name} steps the constrained equations"
     if named and named.keeps_history:
         return FORMALISMS[INDEPENDENT], f"the states of {named.name} cannot be corrected"
-    if run.engine in EMITTED:
+    if settings.engine in EMITTED:
         return FORMALISMS[INDEPENDENT], "what is written out is a state derivative on independent coordinates"
-    if run.number != "double":
-        return FORMALISMS[INDEPENDENT], f"{run.number}: redundant rows need the digits of double"
-    if options := set(run.options) - set(FORMALISMS[ALL].options):
+    if settings.number != "double":
+        return FORMALISMS[INDEPENDENT], f"{settings.number}: redundant rows need the digits of double"
+    if options := set(settings.options) - set(FORMALISMS[ALL].options):
         for formalism in FORMALISMS.values():
             if options <= set(formalism.options) and (named is None or goes_with(formalism, named)):
                 return formalism, f"it has the option {sorted(options)[0]}"
     return FORMALISMS[ALL], "all coordinates pass singular positions"
 
 
-def _method(formalism: Formalism, integrator: str, run: Run) -> Method:
+def _method(formalism: Formalism, integrator: str, settings: Settings) -> Method:
     entry = INTEGRATORS[integrator]
-    return Method(formalism, entry, options_of(formalism, entry, run.options))
+    return Method(formalism, entry, options_of(formalism, entry, settings.options))
 
 
-def stiff_choice(run: Run, present: Choice, recurs: bool) -> Choice | None:
+@lru_cache(maxsize=CACHED)
+def stiff_choice(settings: Settings, present: Choice, recurs: bool) -> Choice | None:
     """What continues where an explicit method takes small steps for stability alone; None where the integrator was named.
 
     recurs: whether a recursion over a tree of bodies gives the accelerations. Then Newton's steps of Radau IIA take place in its degrees
         of freedom, at the cost of a few evaluations; else on independent coordinates, since over all of them the linear systems are large.
     """
-    if not run.promises or run.formalism or run.options or present.method.integrator.name == IMPLICIT:
+    if settings.integrator or settings.formalism or settings.options or present.method.integrator.name == IMPLICIT:
         return None
     formalism = FORMALISMS[ALL if recurs else INDEPENDENT]
-    return Choice(_method(formalism, IMPLICIT, run), f"{present.method.integrator.name} found the mechanism stiff")
+    return Choice(_method(formalism, IMPLICIT, settings), f"{present.method.integrator.name} found the mechanism stiff")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,7 +46,8 @@ class Path:
 
     @classmethod
     def empty(cls, n: int, partitions: Partitions | None) -> Path:
-        return cls(q=np.empty((0, n)), qd=np.empty((0, n)), work=np.empty(0), counts=np.zeros(5, dtype=int), partitions=partitions)
+        none = _no_rows(n)
+        return cls(q=none, qd=none, work=_NO_WORK, counts=np.zeros(5, dtype=int), partitions=partitions)
 
     @property
     def evaluations(self) -> int:
@@ -91,3 +93,12 @@ class Path:
         last = self.q[-1], self.qd[-1], float(self.work[-1])
         self.q, self.qd, self.work = self.q[:-1], self.qd[:-1], self.work[:-1]
         return last
+
+
+_NO_WORK = np.empty(0)
+
+
+@cache
+def _no_rows(n: int) -> np.ndarray:
+    """An array of no rows, which every path begins with."""
+    return np.empty((0, n))

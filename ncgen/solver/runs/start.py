@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 
 from ncgen.errors import ModelError, SingularError, counted, warn
+from ncgen.mechanism.arguments import constant
 from ncgen.mechanism.driver_jumps import after_jump, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.projection import least_energy, project_velocity
@@ -31,17 +32,20 @@ VELOCITY_ROUNDING = 1e-140
 """Velocities (sizes of the mechanism per second) below this are what projections leave of 0: their squares are no normal numbers."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Start:
     """A closed position q (n,) and velocities qd (n,) that the constraints allow; p (n_p,) with the paper rows' choice made there.
 
     partitions: the independent coordinates there, None where nothing asks for them or the position is singular
+    warnings: what was given and could not be
+    Of equal arguments it is the same object, and nobody writes to its arrays.
     """
 
     q: np.ndarray
     qd: np.ndarray
     p: np.ndarray
     partitions: Partitions | None
+    warnings: tuple[str, ...] = ()
 
     @property
     def rates(self) -> np.ndarray:
@@ -55,19 +59,27 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     Raises ConvergenceError naming the rows that do not close, SingularError at a singular position that the method or the given
     velocities cannot do with, ModelError for independent coordinates that do not determine the motion.
     """
+    start = kernels.remember("starts", (*initial.key, partitioned), lambda: _begin(kernels, initial, partitioned), REMEMBERED)
+    for message in start.warnings:
+        warn(message)
+    return start
+
+
+def _begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     p = refresh_branches(kernels, initial.q, initial.p)
     if may_jump(kernels):
         initial = replace(initial, t=after_jump(kernels, p, initial.q, initial.t))
     t = initial.t
     key = initial.q.tobytes(), t, p.tobytes(), initial.closing
     q = kernels.remember("closed position", key, lambda: _closed(kernels, initial, p), REMEMBERED).copy()
-    _warn_of_moved(kernels, initial.q, q)
     driven = "nu" in kernels.programs.programs and bool(np.any(kernels.nu(q, t, p)))
     needed = partitioned or initial.zd is not None
     partitions = None
     if needed or initial.z or (driven and initial.qd is None):
         partitions = _partitions(kernels, q, p, initial, needed)
-    return Start(q, _velocity(kernels, partitions, initial, q, p, driven), p, partitions)
+    qd, contradiction = _velocity(kernels, partitions, initial, q, p, driven)
+    warnings = tuple(message for message in (_moved(kernels, initial.q, q), contradiction) if message)
+    return Start(q=constant(q), qd=constant(np.array(qd)), p=constant(np.array(p)), partitions=partitions, warnings=warnings)
 
 
 def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:
@@ -79,17 +91,16 @@ def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:
     return q
 
 
-def _warn_of_moved(kernels: Kernels, start: np.ndarray, closed: np.ndarray) -> None:
-    """A warning where the start was open, with what moved most."""
-    if closed.tobytes() == start.tobytes():
-        return
+def _moved(kernels: Kernels, start: np.ndarray, closed: np.ndarray) -> str:
+    """What to say where the start was open, with what moved most; empty where it was not."""
     moved = np.abs(closed - start)
-    if np.any(moved > 0):
-        most = int(np.argmax(moved))
-        warn(
-            f"{kernels.name}: the initial position was open and has been assembled; {kernels.coordinates[most]} moved most, "
-            f"by {moved[most]:.3g}"
-        )
+    if not np.any(moved > 0):
+        return ""
+    most = int(np.argmax(moved))
+    return (
+        f"{kernels.name}: the initial position was open and has been assembled; {kernels.coordinates[most]} moved most, "
+        f"by {moved[most]:.3g}"
+    )
 
 
 def _partitions(kernels: Kernels, q: np.ndarray, p: np.ndarray, initial: Initial, needed: bool) -> Partitions | None:
@@ -104,15 +115,16 @@ def _partitions(kernels: Kernels, q: np.ndarray, p: np.ndarray, initial: Initial
         return None
 
 
-def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial, q: np.ndarray, p: np.ndarray, driven: bool) -> np.ndarray:
-    """All initial velocities."""
+def _velocity(
+    kernels: Kernels, partitions: Partitions | None, initial: Initial, q: np.ndarray, p: np.ndarray, driven: bool
+) -> tuple[np.ndarray, str]:
+    """All initial velocities, and what to say where they are not those that were given."""
     if initial.qd is not None:
-        return given_velocity(kernels, initial.qd, q, initial.t, p)
+        return _allowed_velocity(kernels, initial.qd, q, initial.t, p)
     if partitions is not None:
-        return velocity_from_rates(
-            kernels, partitions.velocity, independent_rates(kernels, partitions.velocity, initial.zd), q, initial.t, p
-        )
-    return given_velocity(kernels, {}, q, initial.t, p) if driven else np.zeros(kernels.n)
+        rates = independent_rates(kernels, partitions.velocity, initial.zd)
+        return velocity_from_rates(kernels, partitions.velocity, rates, q, initial.t, p), ""
+    return _allowed_velocity(kernels, {}, q, initial.t, p) if driven else (np.zeros(kernels.n), "")
 
 
 def independent_rates(kernels: Kernels, partition: Partition, velocities: dict[str, float] | np.ndarray | None) -> np.ndarray:
@@ -171,18 +183,28 @@ def given_velocity(kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.n
     Rates by name leave the others free: they become those of least kinetic energy. A warning with the number says
     where the constraints did not allow what was given.
     """
+    allowed, contradiction = _allowed_velocity(kernels, qd0, q, t, p)
+    if contradiction:
+        warn(contradiction)
+    return allowed
+
+
+def _allowed_velocity(
+    kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.ndarray, t: float, p: np.ndarray
+) -> tuple[np.ndarray, str]:
+    """The same, and what to say where it is not what was given."""
     wanted = {kernels.index[name]: rate for name, rate in qd0.items()} if isinstance(qd0, dict) else dict(enumerate(qd0))
     where, rates = np.array(list(wanted), dtype=int), np.array(list(wanted.values()), dtype=float)
     qd = _least_energy(kernels, where, rates, q, t, p) if isinstance(qd0, dict) else rates
     allowed = project_velocity(kernels, q, qd, t, p)
     changed = np.abs(allowed[where] - rates) / kernels.column_sizes[where]
-    if np.max(changed, initial=0.0) > MIN_REPORTED_CHANGE * np.max(np.abs(allowed / kernels.column_sizes), initial=VELOCITY_ROUNDING):
-        most = where[int(np.argmax(changed))]
-        warn(
-            f"{kernels.name}: the initial velocities contradict the constraints and have been projected; "
-            f"rate({kernels.coordinates[most]}) changed most, from {wanted[most]:.6g} to {allowed[most]:.6g}"
-        )
-    return allowed
+    if np.max(changed, initial=0.0) <= MIN_REPORTED_CHANGE * np.max(np.abs(allowed / kernels.column_sizes), initial=VELOCITY_ROUNDING):
+        return allowed, ""
+    most = where[int(np.argmax(changed))]
+    return allowed, (
+        f"{kernels.name}: the initial velocities contradict the constraints and have been projected; "
+        f"rate({kernels.coordinates[most]}) changed most, from {wanted[most]:.6g} to {allowed[most]:.6g}"
+    )
 
 
 def _least_energy(kernels: Kernels, where: np.ndarray, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import ceil
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.conditions_in_c import Conditions
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.run_arguments import RunInputs
+from ncgen.mechanism.run_arguments import NO_INPUTS, RunInputs
 from ncgen.methods.method import Method
 from ncgen.solver.positions.rank import rank_at
 from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.stop import StopCondition
 from ncgen.solver.runs.tolerances import Tolerances
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.prepared_run import PreparedRun
+    from ncgen.mechanism.runtime import Dynamics
 
 SPAN_TOLERANCE = 1e-6
 """A span that is longer than a number of steps by less than this share of one has no step more."""
@@ -72,7 +78,8 @@ class Task:
 
     def movable_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""
-        return (np.zeros(len(self.grid), dtype=bool) if self.movable is None else self.movable)[row:]
+        movable = np.zeros(len(self.grid), dtype=bool) if self.movable is None else self.movable
+        return movable[row:] if row else movable
 
     def looked_at(self, row: int, times: np.ndarray) -> None:
         """Rows from one on are of these times (s), of which movable may be others than were asked for."""
@@ -106,6 +113,20 @@ class Task:
         """Where steps with error control are to arrive (s); None where a stop may end the run before."""
         return None if self.watched or self.method.has_fixed_step else float(self.grid[-1])
 
+    def begun(self, **numbers: Any) -> Task:
+        """The same for a run with other numbers (`grid`, `movable`, `q`, `velocities`, `p`, `rank`, `tolerances` of the same kind), and
+        with others who watch it: what was prepared stays."""
+        task, _ = object.__new__(Task), self.runs
+        vars(task).update(vars(self), **numbers)
+        return task
+
+    @cached_property
+    def runs(self) -> dict[Dynamics, PreparedRun]:
+        """Runs in C that were prepared for this task, by state derivatives."""
+        return {}
+
     def inputs_in_c(self, rule: Callable[[np.ndarray, np.ndarray], np.ndarray] | None) -> RunInputs:
         """What changes parameters on the way, with a rule of positions."""
+        if not (self.signals or rule or len(self.breaks)):
+            return NO_INPUTS
         return RunInputs(signals=self.signals.functions if self.signals else (), breaks=self.breaks, rule=rule)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -21,8 +21,18 @@ if TYPE_CHECKING:
     from ncgen.model import Model
     from ncgen.solver.events.modes import Mode
 
+Made = TypeVar("Made")
+
 CONDITION = 1e-3
 """Quality of a partition below which accelerations are computed with a better one."""
+
+
+def made(kind: type[Made], **members: Any) -> Made:
+    """Return an object of a frozen dataclass from all its members at once: its own function sets one after the other, which takes as long
+    as the run of a small mechanism."""
+    new = object.__new__(kind)
+    object.__setattr__(new, "__dict__", members)
+    return new
 
 
 @dataclass(frozen=True, kw_only=True)

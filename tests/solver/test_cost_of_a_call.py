@@ -1,0 +1,167 @@
+"""A call of `simulate` finds again what does not depend on its numbers: how many functions it calls, and that nothing else is kept."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen.mechanism.run_space import RunSpace
+
+DURATION = 0.01
+
+MOST_FUNCTIONS = 300
+"""Calls of functions of Python and C in a call like those before; there were 622 when everything was found anew."""
+
+
+@pytest.fixture(scope="module")
+def fourbar():
+    return ncgen.compile(ncgen.load("fourbar"), backend="c")
+
+
+@pytest.fixture
+def pendulum():
+    """With a parameter."""
+    m = ncgen.Model("pendulum")
+    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (1, 0))
+    m.body("rod", [O, A], mass=m.parameter("mass", 1.0), inertia="rod")
+    m.gravity((0, -9.81))
+    return ncgen.compile(m, backend="c")
+
+
+def functions_of(call):
+    """How many functions of Python and C a call calls, without those of the first calls."""
+    count = 0
+
+    def note(frame, event, argument):
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    call()
+    call()
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        call()
+    finally:
+        sys.setprofile(before)
+    return count
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"points": 2}, {"rtol": 1e-6, "t0": 1.0}, {"q0": "own"}, {"options": {"stabilisation": "projection"}}], ids=str
+)
+def test_a_call_like_those_before(fourbar, given):
+    given, checks = given | ({"q0": fourbar.q0.copy()} if "q0" in given else {}), 80 if "q0" in given else 0
+    assert functions_of(lambda: ncgen.simulate(fourbar, DURATION, **given)) < MOST_FUNCTIONS + checks
+
+
+def test_a_call_has_the_bits_of_the_first(fourbar):
+    runs = [ncgen.simulate(fourbar, 0.3, points=7) for _ in range(3)]
+    between = ncgen.simulate(fourbar, 0.4, points=5, rtol=1e-5, integrator="dopri5")
+    runs.append(ncgen.simulate(fourbar, 0.3, points=7))
+    fresh = ncgen.simulate(ncgen.compile(fourbar.model, backend="c"), 0.3, points=7)
+    assert between.integrator == "dopri5"
+    for run in runs:
+        for name in ("t", "q", "qd", "work"):
+            np.testing.assert_array_equal(getattr(run, name), getattr(fresh, name))
+        assert run.statistics.steps == fresh.statistics.steps and run.made_with == fresh.made_with
+
+
+def test_what_a_run_leaves_in_its_workspace_is_nothing_to_the_next(fourbar, monkeypatch):
+    expected = ncgen.simulate(fourbar, 0.3, points=7, integrator="radau")
+    give_back = RunSpace.clear
+
+    def spoiled(self):
+        for address in (self._numbers, *self.start):
+            size = self._ffi.sizeof(address)
+            self._ffi.buffer(address, size)[:] = np.full(size // 8, np.nan).tobytes()
+        return give_back(self)
+
+    monkeypatch.setattr(RunSpace, "clear", spoiled)
+    for _ in range(2):
+        again = ncgen.simulate(fourbar, 0.3, points=7, integrator="radau")
+        np.testing.assert_array_equal(again.q, expected.q)
+
+
+def test_a_trajectory_is_its_owner_s(pendulum):
+    """What a user writes into one changes no later run."""
+    first = ncgen.simulate(pendulum, DURATION, points=4)
+    kept = [np.array(a) for a in (first.t, first.q, first.qd, first.p)]
+    for array in (first.t, first.q, first.qd, first.work, first.p):
+        array[:] = 7.0
+    first.options["stabilisation"] = "none"
+    second = ncgen.simulate(pendulum, DURATION, points=4)
+    for array, expected in zip((second.t, second.q, second.qd, second.p), kept, strict=True):
+        np.testing.assert_array_equal(array, expected)
+    assert second.options["stabilisation"] == "projection"
+
+
+def test_arguments_that_are_equal_and_not_the_same_are_refused_all_the_same(pendulum):
+    ncgen.simulate(pendulum, 1.0, points=2, max_step=1, rtol=0.5)
+    with pytest.raises(ncgen.ModelError, match="max_step: True given"):
+        ncgen.simulate(pendulum, 1.0, points=2, max_step=True, rtol=0.5)
+    ncgen.simulate(pendulum, 1.0, points=2, integrator="rk4", max_step=0.01)
+    for _ in range(2):
+        with pytest.raises(ncgen.ModelError, match="max_step: rk4 has a fixed step"):
+            ncgen.simulate(pendulum, 1.0, points=2, integrator="rk4")
+        with pytest.raises(ncgen.ModelError, match="points: True given"):
+            ncgen.simulate(pendulum, 1.0, points=True)
+        with pytest.raises(ncgen.ModelError, match="option alpha"):
+            ncgen.simulate(pendulum, 1.0, formalism="lagrange", options={"alpha": 1.0})
+
+
+def test_velocities_of_one_call_are_not_those_of_the_next(pendulum):
+    """Given by name, as an array, empty, and none, in turns."""
+    for _ in range(2):
+        first = [ncgen.simulate(pendulum, DURATION, **given).qd[0] for given in (
+            {}, {"zd0": {}}, {"zd0": {"A.y": 2.0}}, {"zd0": [2.0]}, {"qd0": {"A.y": 3.0}}, {"qd0": np.array([0.0, 4.0])}, {"qd0": {}},
+        )]  # fmt: skip
+        np.testing.assert_allclose(first, [[0, 0], [0, 0], [0, 2], [0, 2], [0, 3], [0, 4], [0, 0]], atol=1e-15)
+    with pytest.raises(ncgen.ModelError, match="zd0 and qd0 are both given"):
+        ncgen.simulate(pendulum, DURATION, zd0=[1.0], qd0={"A.y": 1.0})
+
+
+def test_an_open_start_is_reported_at_every_call(fourbar):
+    q0 = fourbar.q0 + 0.001
+    for _ in range(3):
+        with pytest.warns(UserWarning, match="the initial position was open"):
+            ncgen.simulate(fourbar, DURATION, q0=q0)
+
+
+def test_threads_have_numbers_of_their_own(pendulum):
+    """Runs of the same kernels at the same time, with different parameters, lengths and methods."""
+    jobs = [
+        {"p": [1.0 + 0.1 * i], "qd0": {"A.y": 0.1 * i}, "points": 3 + i % 4, "integrator": ("dop853", "dopri5", "radau")[i % 3]}
+        for i in range(60)
+    ]
+    alone = [ncgen.simulate(pendulum, 0.2, **job) for job in jobs]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda job: ncgen.simulate(pendulum, 0.2, **job), jobs))
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one.q, other.q)
+        np.testing.assert_array_equal(one.work, other.work)
+
+
+def test_a_run_inside_a_run():
+    """A force of Python that simulates the same kernels: the run inside has a workspace of its own."""
+    m = ncgen.Model("ball")
+    m.body("ball", [m.point("A", (0, 1), fixed="x")], mass=1.0, inertia="point")
+    inside = []
+
+    def force(t, q, qd, kernels):
+        if not inside:
+            inside.append(None)
+            inside[0] = ncgen.simulate(kernels, 0.5, points=3)
+        return np.array([-9.0])
+
+    m.callback(force)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        run = ncgen.simulate(ncgen.compile(m, backend="c"), 0.5, points=3)
+    np.testing.assert_allclose(run.q[:, 0], 1 - 4.5 * run.t**2, atol=1e-9)
+    np.testing.assert_allclose(inside[0].q[:, 0], 1 - 4.5 * run.t**2, atol=1e-9)
