@@ -44,8 +44,8 @@ ncgen_scalar ncgen_row_compliance(const ncgen_run *r)
     return 1000 * r->rounding;
 }
 
-/* E of a row. Penalties are what a user gives; where M is singular it only keeps pivots from being zero, so it is small beside the row's own
- * pivot, whatever the sizes of masses and of rows elsewhere. */
+/* E of a row. Penalties are what a user gives; where M is singular it only keeps pivots from being zero, so it is small compared with the
+ * row's own pivot, whatever the sizes of masses and of rows elsewhere. */
 static ncgen_real row_diagonal(ncgen_run *r, const ncgen_constrained *w, int row, int all)
 {
     const ncgen_options *o = r->options;

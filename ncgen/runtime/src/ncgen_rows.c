@@ -2,7 +2,8 @@
  *
  * Combinations y of rows that vanish, Phi_q' y = 0, are found by inverse iteration: the factors of [M Phi_q'; Phi_q -E] with all rows
  * multiply them by 1 / E, and others by less. As many rows are left out as there are combinations, those in which these are largest, so
- * that the rows that count imply them with small shares. It takes the sparse factors and vectors, no array of n x m numbers. The choice stays as long as no share has become much larger.
+ * that the rows that count imply them with small shares. It takes the sparse factors and vectors, no array of n x m numbers. The choice
+ * stays as long as no share has become much larger.
  */
 #include "ncgen_rows.h"
 #include "ncgen_pivots.h"
