@@ -303,15 +303,19 @@ def test_a_changed_robot_file_compiles_nothing(cache, monkeypatch, tmp_path, pat
 
 
 def with_changed_length(path, folder):
-    """A copy of a file whose middle joint is a percent farther from its parent along an axis."""
-    tree = xml.parse(path)
+    """A copy of a file whose middle joint is a percent farther from its parent along an axis, or the next one that leaves axes meeting."""
+    tree, elements = xml.parse(path), ncgen.load(path).elements.keys()
     origins = [joint.find("origin") for joint in tree.getroot().iter("joint") if joint.find("origin") is not None]
     lengths = [(origin, k) for origin in origins for k, x in enumerate(origin.get("xyz", "").split()) if abs(float(x)) > 1e-6]
-    origin, k = lengths[len(lengths) // 2]
-    words = origin.get("xyz").split()
-    words[k] = repr(1.01 * float(words[k]))
-    origin.set("xyz", " ".join(words))
-    tree.write(folder / path.name)
+    for origin, k in lengths[len(lengths) // 2 :]:
+        before = origin.get("xyz")
+        words = before.split()
+        words[k] = repr(1.01 * float(words[k]))
+        origin.set("xyz", " ".join(words))
+        tree.write(folder / path.name)
+        if ncgen.load(folder / path.name).elements.keys() == elements:
+            break
+        origin.set("xyz", before)
     return folder / path.name
 
 
