@@ -155,7 +155,7 @@ class RunUnderWay:
             refuse_negative_ahead(self.kernels, self.path.q[-1], self.path.qd[-1], float(t[0]), float(t[-1] - t[0]), self.start.p)
 
     def _plan(self) -> RunPlan:
-        """What does not depend on the numbers of the run; found once for its settings and the mechanism."""
+        """What does not depend on the numbers of the run; found once for its settings and a compiled mechanism."""
         if self._planned and self._planned[0] is self.choice:
             return self._planned[1]
         start, known = self.start, (self.run.settings, self.choice, self.kernels.effort, self.given_breaks is None)
@@ -164,8 +164,8 @@ class RunUnderWay:
             refused = "asked for" if self.run.settings.engine == "python" else self._refusal()
             return RunPlan(self._form(), refused, self._new_task())
 
-        asks_of_start = start.partitions and self.run.settings.engine in EMITTED
-        plan = find() if asks_of_start else self.kernels.remember("plans", known, find, CACHED)
+        is_new = self.kernels.backend != "c" or (start.partitions and self.run.settings.engine in EMITTED)  # which may be refused
+        plan = find() if is_new else self.kernels.remember("plans", known, find, CACHED)
         self._planned = self.choice, plan
         return plan
 
