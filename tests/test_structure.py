@@ -295,7 +295,7 @@ def test_nothing_else_lies_at_the_top():
 
 
 RUNTIME = PACKAGE / "runtime"
-BESIDE = {"ncgen_dense": "ncgen_constrained", "ncgen_pivots": "ncgen_constrained", "ncgen_rows": "ncgen_constrained",
+BESIDE = {"ncgen_dense": "ncgen_constrained", "ncgen_pivots": "ncgen_constrained", "ncgen_redundant": "ncgen_constrained",
           "ncgen_solution": "ncgen_constrained"}  # fmt: skip
 """Sources that implement a part of another room's header."""
 

@@ -31,7 +31,7 @@ MIN_CACHED_UNKNOWNS = 100
 
 
 BESIDES = 3
-"""Combinations of rows that are looked at in addition to those that vanish, as in ncgen_rows.c."""
+"""Combinations of rows that are looked at in addition to those that vanish, as in ncgen_redundant.c."""
 
 
 class ConstrainedDynamics(Dynamics):
@@ -158,7 +158,7 @@ class _PreparedTwice(PreparedRun):
 
 
 def row_vectors(m: int, rank: int) -> int:
-    """How many vectors of all unknowns the runtime needs to choose among redundant rows, as in ncgen_rows.c; rank: −1 where it changes."""
+    """How many vectors of all unknowns the runtime needs to choose among redundant rows, as in ncgen_redundant.c; rank: −1 where it changes."""
     return 0 if rank == m else 1 + (m if rank < BESIDES else m - rank + BESIDES)
 
 

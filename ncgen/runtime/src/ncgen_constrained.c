@@ -7,7 +7,7 @@
 #include "ncgen_dense.h"
 #include "ncgen_method.h"
 #include "ncgen_pivots.h"
-#include "ncgen_rows.h"
+#include "ncgen_redundant.h"
 #include "ncgen_solution.h"
 
 int ncgen_constrained_is_dense(const ncgen_run *r)

@@ -19,7 +19,7 @@ def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
 
 
 def counting_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
-    """All rows but those in which the combinations that vanish are largest, as ncgen_rows.c chooses them in C."""
+    """All rows but those in which the combinations that vanish are largest, as ncgen_redundant.c chooses them in C."""
     left, _, _ = np.linalg.svd(jacobian)
     return np.sort(column_order(left[:, rank:].T)[len(jacobian) - rank :])
 

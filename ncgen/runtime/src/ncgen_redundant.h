@@ -1,6 +1,6 @@
-/* ncgen_rows.h: which of redundant rows are left out, in w->is_left_out. */
-#ifndef NCGEN_ROWS_H
-#define NCGEN_ROWS_H
+/* ncgen_redundant.h: which of redundant rows are left out, in w->is_left_out. */
+#ifndef NCGEN_REDUNDANT_H
+#define NCGEN_REDUNDANT_H
 
 #include "ncgen_constrained.h"
 

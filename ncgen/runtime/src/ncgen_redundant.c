@@ -1,11 +1,11 @@
-/* ncgen_rows.c: which of redundant rows are left out.
+/* ncgen_redundant.c: which of redundant rows are left out.
  *
  * Combinations y of rows that vanish, Phi_q' y = 0, are found by inverse iteration: the factors of [M Phi_q'; Phi_q -E] with all rows
  * multiply them by 1 / E, and others by less. As many rows are left out as there are combinations, those in which these are largest, so
  * that the rows that count imply them with small shares. It takes the sparse factors and vectors, no array of n x m numbers. The choice
  * stays as long as no share has become much larger.
  */
-#include "ncgen_rows.h"
+#include "ncgen_redundant.h"
 #include "ncgen_pivots.h"
 
 /* Combinations that are found besides, since at singular positions more of them vanish than elsewhere; iterations of each. */
