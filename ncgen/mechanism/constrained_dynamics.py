@@ -158,7 +158,7 @@ class _PreparedTwice(PreparedRun):
 
 
 def row_vectors(m: int, rank: int) -> int:
-    """How many vectors of all unknowns the runtime needs to choose among redundant rows, as in ncgen_redundant.c; rank: −1 where it changes."""
+    """How many vectors of all unknowns the choice among redundant rows needs in ncgen_redundant.c; rank: −1 where it changes."""
     return 0 if rank == m else 1 + (m if rank < BESIDES else m - rank + BESIDES)
 
 

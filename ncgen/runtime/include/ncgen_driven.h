@@ -13,9 +13,9 @@ extern "C" {
 #endif
 
 /* As much workspace as the functions below need at most, for arrays whose length the compiler has to know: n coordinates, m rows,
- * nonzeros of mass and phi_q together, those of the elimination's factor, vectors of all unknowns by which redundant rows are chosen
- * (0 without such rows, else one more than there are combinations in ncgen_redundant.h), the width of the method's tableau, and parameters with
- * what is prepared of them, 0 where nothing is. */
+ * nonzeros of mass and phi_q together, those of the elimination's factor, vectors of all unknowns by which redundant rows are chosen (0
+ * without such rows, else one more than there are combinations in ncgen_redundant.h), the width of the method's tableau, and parameters
+ * with what is prepared of them, 0 where nothing is. */
 #define NCGEN_DRIVEN_WORKSPACE(n, m, nonzeros, factor, vectors, width, p_copy) \
     (NCGEN_GAPS + (p_copy) + 17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 1) + (nonzeros) + (factor) + (vectors) * ((n) + (m)))
 
