@@ -10,6 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.balance import remedy
 from ncgen.exchange.robots.markup import XACRO, read_markup
 from ncgen.exchange.robots.robot import Robot, together
 from ncgen.exchange.text import as_path
@@ -58,7 +59,7 @@ def _impossible(robot: Robot) -> list[str]:
             if link.mass is not None:
                 check_inertia(link.name, link.mass.mass, link.mass.com, link.mass.tensor)
         except ModelError as error:
-            problems.append(f"{link.where}: {error}")
+            problems.append(f"{link.where}: {error}{remedy(link)}")
     return problems
 
 

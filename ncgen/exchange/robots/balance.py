@@ -46,6 +46,11 @@ def is_impossible(link: Link) -> bool:
     return link.mass is not None and not conditions(link.name, link.mass.mass, link.mass.tensor)[1].holds(link.mass.tensor.ravel())
 
 
+def remedy(link: Link) -> str:
+    """What ends a refusal of a link whose moments no body has: how to load the file all the same; empty for other links."""
+    return "; inertias='as given' takes the file's numbers" if is_impossible(link) else ""
+
+
 def _mean(link: Link) -> float:
     return float(np.trace(link.mass.tensor)) / 3 if link.mass else 0.0
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.balance import remedy
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, PlannedElement, RobotSolid
 from ncgen.exchange.robots.parameters import GEOMETRY, Parts, Shift, add_part, homes_of, parts_of, shifted, shifts_of
 from ncgen.exchange.robots.placement import rotation_about
@@ -179,7 +180,7 @@ class _Builder:
         taken = {self.model.ground.name, *self.model.bodies}
         name = numbered(word(solid.name, "link"), taken.__contains__)
         tensor, as_given = _tensor(mass, self.layout.size).tolist() if mass else [], self._as_given(solid.name)
-        with _labelled_errors(link.where):
+        with _labelled_errors(link.where, remedy(link)):
             basis, shift = None, self.shifts.get(solid.name)
             if shift is not None:  # vectors span it: they stay numbers
                 body = self.bodies[solid] = self.model.body(name, points[:1], vectors)
@@ -355,12 +356,12 @@ class _Builder:
 
 
 @contextmanager
-def _labelled_errors(where: str) -> Iterator[None]:
-    """Report refusals of the model with the place in the robot's file."""
+def _labelled_errors(where: str, remedy: str = "") -> Iterator[None]:
+    """Report refusals of the model with the place in the robot's file, and what else can be done."""
     try:
         yield
     except ModelError as error:
-        raise ModelError(f"{where}: {error}" if where else str(error)) from None
+        raise ModelError(f"{where}: {error}{remedy}" if where else f"{error}{remedy}") from None
 
 
 def _tensor(mass: Mass, size: float) -> np.ndarray:
