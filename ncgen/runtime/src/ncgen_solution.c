@@ -66,6 +66,7 @@ int ncgen_constrained_solve(ncgen_run *r)
     ncgen_kkt_solve(&w->kkt, w->right, w->solution);
     if (factors_are_exact(r, w))
         return NCGEN_OK;
+    const ncgen_real size = size_of_problem(r, w);
     ncgen_real before = 0, rest = 0;
     for (int k = 0; k < REFINEMENT_LIMIT; ++k) {
         find_residual(r, w, r->options->formalism == NCGEN_PENALTY);
@@ -79,9 +80,9 @@ int ncgen_constrained_solve(ncgen_run *r)
             w->solution[i] += w->residual[i];
         r->statistics->refinements += 1;
         before = change;
-        if (change <= 4 * r->rounding * ncgen_constrained_size(r, w->solution))
+        if (change <= 4 * r->rounding * size)
             break;
     }
-    const ncgen_real enough = NCGEN_SQRT(r->rounding) * size_of_problem(r, w);
+    const ncgen_real enough = NCGEN_SQRT(r->rounding) * size;
     return before <= enough && !(rest > enough) ? NCGEN_OK : NCGEN_SINGULAR;
 }
