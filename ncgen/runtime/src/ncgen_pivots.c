@@ -1,7 +1,9 @@
 /* ncgen_pivots.c: natural sizes of the pivots of [M Phi_q'; Phi_q -E], its diagonal E, and what replaces pivots that are too small. */
 #include "ncgen_pivots.h"
 
-/* The natural size of every diagonal entry: masses, and for rows what they have after elimination of the masses. */
+/* The natural size of every diagonal entry: masses, and for rows what they have after elimination of the masses. A row that moves
+ * coordinates without mass, too, counts as if it moved these as hard as its others: where it moves the others by nearly nothing, it has a
+ * size all the same. */
 void ncgen_find_pivot_sizes(ncgen_run *r, ncgen_constrained *w)
 {
     const ncgen_pattern *mass = &r->model->mass_pattern, *phi_q = &r->model->phi_q_pattern;
@@ -23,15 +25,17 @@ void ncgen_find_pivot_sizes(ncgen_run *r, ncgen_constrained *w)
     if (!(least > 0))
         least = w->mass_size = 1;
     for (int i = 0; i < r->m; ++i) {
-        ncgen_real own = 0, borrowed = 0;
+        ncgen_real own = 0, massive = 0, square = 0;
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
             const int j = phi_q->indices[k];
-            if (w->natural[j] > 0)
-                own += values[k] * values[k] / w->natural[j];
-            borrowed += values[k] * values[k] * sizes[j] * sizes[j] / least;
+            const ncgen_real part = values[k] * sizes[j] * values[k] * sizes[j];
+            own += w->natural[j] > 0 ? values[k] * values[k] / w->natural[j] : 0;
+            massive += w->natural[j] > 0 ? part : 0;
+            square += part;
         }
         const ncgen_real size = r->dynamics->row_sizes[i];
-        w->reduced[i] = own > 0 ? own : borrowed > 0 ? borrowed : size * size / least;
+        square = square > 0 ? square : size * size;
+        w->reduced[i] = own > 0 && massive > 0 ? own / massive * square : square / least;
     }
     for (int i = 0; i < r->n; ++i)
         if (!(w->natural[i] > 0))

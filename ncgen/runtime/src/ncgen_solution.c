@@ -47,8 +47,7 @@ static ncgen_real size_of_problem(const ncgen_run *r, const ncgen_constrained *w
     return largest;
 }
 
-/* What is left of the rows that count, in their sizes. */
-static ncgen_real rest_of_rows(const ncgen_run *r, const ncgen_constrained *w)
+ncgen_real ncgen_rest_of_rows(const ncgen_run *r, const ncgen_constrained *w)
 {
     ncgen_real largest = 0;
     for (int i = 0; i < r->m; ++i) {
@@ -71,7 +70,7 @@ int ncgen_constrained_solve(ncgen_run *r)
     for (int k = 0; k < REFINEMENT_LIMIT; ++k) {
         find_residual(r, w, r->options->formalism == NCGEN_PENALTY);
         if (w->kkt.let_go > w->left_out)
-            rest = rest_of_rows(r, w);
+            rest = ncgen_rest_of_rows(r, w);
         ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
         const ncgen_real change = ncgen_constrained_size(r, w->residual);
         if (k > 0 && !(change < R(0.5) * before)) /* at rounding, or beyond what the equations determine */

@@ -5,5 +5,6 @@
 #include "ncgen_constrained.h"
 
 int ncgen_constrained_solve(ncgen_run *r); /* solution for what is in right; NCGEN_SINGULAR where the equations do not determine it */
+ncgen_real ncgen_rest_of_rows(const ncgen_run *r, const ncgen_constrained *w); /* residual of the rows that count, in their sizes */
 
 #endif
