@@ -145,7 +145,7 @@ def run(
         str | None,
         typer.Option(
             help="what advances the motion: compiled, c, emitted, refined or python [default: the model's, else auto]",
-            autocompletion=words_of("ncgen.solver.runs.run", "ENGINES"),
+            autocompletion=words_of("ncgen.solver.runs.settings", "ENGINES"),
             rich_help_panel=METHOD,
         ),
     ] = None,

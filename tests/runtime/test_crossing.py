@@ -24,13 +24,13 @@ int ncgen_first_crossing(const ncgen_basis *basis, const double *values, int str
 
 @pytest.fixture(scope="module")
 def in_c():
-    from ncgen.emit.runtime_files import runtime_files
+    from ncgen.emit.runtime_files import HEADERS, RUNTIME_HEADERS, runtime_files
     from ncgen.toolchain.cache import build
     from ncgen.toolchain.compilers import find_compiler
 
     ffi = FFI()
     ffi.cdef(DECLARED)
-    names = ("ncgen.h", "ncgen_math.h", "ncgen_space.h", "ncgen_vectors.h", "ncgen_crossing.h", "ncgen_crossing.c")
+    names = (*RUNTIME_HEADERS, *HEADERS, "ncgen_space.h", "ncgen_vectors.h", "ncgen_crossing.h", "ncgen_crossing.c")
     library = ffi.dlopen(str(build(runtime_files(*names), find_compiler()).library))
 
     def call(values, noise, direction, sign=0):

@@ -28,7 +28,7 @@ Implications: TypeAlias = dict[int, dict[int, float]]
 def implied_rows(tree: OpenTree, here: SampledPosition) -> Implications | None:
     """The rows of a tree that others imply, those that come last in the user's order if the others are far from dependent.
 
-    None where nothing is said: where the rows of a link let more move at a position than its joint, or too few stay independent.
+    None where the rows of a link let more move at a position than its joint, or too few stay independent.
 
     here: the position
     """
