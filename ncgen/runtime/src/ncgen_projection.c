@@ -136,7 +136,7 @@ static int project_velocity(ncgen_run *r, ncgen_scalar t, int exactly)
         ncgen_row_velocities(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
         for (int i = 0; i < r->m; ++i)
             w->residual[r->n + i] -= w->nu[i];
-        const ncgen_real violation = ncgen_rest_of_rows(r, w); /* others follow, unless a driver contradicts them, which is told of the run */
+        const ncgen_real violation = ncgen_rest_of_rows(r, w); /* others follow, or contradict these, which the run reports */
         if (violation <= enough)
             return NCGEN_OK;
         if (k == VELOCITY_LIMIT) /* at rounding; more of it near a singular position */
