@@ -52,10 +52,9 @@ def _words(value: object, known: set[int], words: list[str]) -> None:
 
     known: elements and bodies that have been described, for which a name is enough
     """
-    kind = value.__class__
-    if kind is float:
+    if type(value) is float:
         words.append(value.hex())
-    elif kind is str or value is None or isinstance(value, (bool, str)):
+    elif type(value) is str or value is None or isinstance(value, (bool, str)):
         words.append(repr(value))
     elif isinstance(value, (Element, Body)) and not isinstance(value, Constant) and id(value) in known:
         words.append(f"{type(value).__name__} {value.name!r}")
