@@ -422,7 +422,7 @@ int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
     (void)p;
 
     {
-        /* C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; C.x P2.x; C.y P2.y; C.z P2.z; P1.x P2.x; P1.y P2.y; P1.z P2.z */
+        /* C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; P1.x P2.x; P1.y P2.y; P1.z P2.z; C.x P2.x; C.y P2.y; C.z P2.z */
         const ncgen_real dP1_y = qd[13];
         const ncgen_real dP1_x = qd[12];
         const ncgen_real dP1_z = qd[14];
@@ -435,9 +435,9 @@ int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dC_y = qd[1];
         const ncgen_real dC_z = qd[2];
         const ncgen_real x3 = R(1.3333333333333333) * (dC_z * dC_z + (dC_x * dC_x + dC_y * dC_y));
-        const ncgen_real x4 = dC_x * (dP1_x + dP2_x) + dC_y * (dP1_y + dP2_y) + dC_z * (dP1_z + dP2_z);
-        const ncgen_real x5 = R(0.3333333333333334) * (dP1_x * dP2_x + dP1_y * dP2_y + dP1_z * dP2_z);
-        energy[0] = x2 + x3 - R(0.3333333333333333) * x4 - x5;
+        const ncgen_real x4 = R(0.3333333333333334) * (dP1_x * dP2_x + dP1_y * dP2_y + dP1_z * dP2_z);
+        const ncgen_real x5 = dC_x * (dP1_x + dP2_x) + dC_y * (dP1_y + dP2_y) + dC_z * (dP1_z + dP2_z);
+        energy[0] = x2 + x3 - x4 - R(0.3333333333333333) * x5;
         /* C.z */
         const ncgen_real C_z = q[2];
         energy[1] = R(19.62) * C_z;
@@ -851,7 +851,7 @@ const ncgen_model *disc_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "disc",
-        .fingerprint = "bf6ee3ef0b02be87",
+        .fingerprint = "60cbb0ed7cbd851f",
         .n_coordinates = 30,
         .n_rows = 27,
         .n_parameters = 0,

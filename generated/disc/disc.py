@@ -495,7 +495,7 @@ def energy(t, q, qd, p):
     """3 numbers, 37 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; C.x P2.x; C.y P2.y; C.z P2.z; P1.x P2.x; P1.y P2.y; P1.z P2.z
+    # C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; P1.x P2.x; P1.y P2.y; P1.z P2.z; C.x P2.x; C.y P2.y; C.z P2.z
     dP1_y = qd[..., 13]
     dP1_x = qd[..., 12]
     dP1_z = qd[..., 14]
@@ -508,9 +508,9 @@ def energy(t, q, qd, p):
     dC_y = qd[..., 1]
     dC_z = qd[..., 2]
     x3 = 1.3333333333333333 * (dC_z * dC_z + (dC_x * dC_x + dC_y * dC_y))
-    x4 = dC_x * (dP1_x + dP2_x) + dC_y * (dP1_y + dP2_y) + dC_z * (dP1_z + dP2_z)
-    x5 = 0.3333333333333334 * (dP1_x * dP2_x + dP1_y * dP2_y + dP1_z * dP2_z)
-    energy[..., 0] = x2 + x3 - 0.3333333333333333 * x4 - x5
+    x4 = 0.3333333333333334 * (dP1_x * dP2_x + dP1_y * dP2_y + dP1_z * dP2_z)
+    x5 = dC_x * (dP1_x + dP2_x) + dC_y * (dP1_y + dP2_y) + dC_z * (dP1_z + dP2_z)
+    energy[..., 0] = x2 + x3 - x4 - 0.3333333333333333 * x5
     # C.z
     C_z = q[..., 2]
     energy[..., 1] = 19.62 * C_z

@@ -783,7 +783,7 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     }
 
     {
-        /* S.z K1.z; K1.x; K1.y; K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2 */
+        /* K1.x; K1.y; K1.z; S.z K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2 */
         const ncgen_real B1_x = q[12];
         const ncgen_real H1_x = q[6];
         const ncgen_real df_y = qd[4];
@@ -826,13 +826,13 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real x12 = df_y * x9 + f_y * x10;
         const ncgen_real x13 = x2 * x2 + x5 * x5 + x6 * x6 + (x8 * x8 + x11 * x11 + x12 * x12);
         const ncgen_real x14 = dH2_x * dB2_x + (dH1_z * dB1_z + (dH1_y * dB1_y + dH1_x * dB1_x));
+        const ncgen_real dK1_x = qd[9];
+        const ncgen_real dK1_y = qd[10];
         const ncgen_real dK1_z = qd[11];
         const ncgen_real dS_z = qd[0];
-        const ncgen_real dK1_x = qd[9];
-        const ncgen_real x15 = R(0.5) * (dK1_x * dK1_x) + dK1_z * (R(0.5) * dK1_z - dS_z);
-        const ncgen_real dK1_y = qd[10];
-        const ncgen_real x16 = R(0.05) * (dH2_z * dB2_z + (dH2_y * dB2_y + x14)) + (R(0.5) * (dK1_y * dK1_y) + x15);
-        energy[0] += R(1.2499999999992486e-06) * x13 + x16;
+        const ncgen_real x15 = R(0.5) * (dK1_x * dK1_x) + R(0.5) * (dK1_y * dK1_y) + dK1_z * (R(0.5) * dK1_z - dS_z);
+        const ncgen_real x16 = R(1.2499999999992486e-06) * x13 + (R(0.05) * (dH2_z * dB2_z + (dH2_y * dB2_y + x14)) + x15);
+        energy[0] += x16;
         /* S.z; H1.z; B1.z; H2.z; B2.z; spring K1-M1; spring K2-M2 */
         const ncgen_real M2_x = q[28];
         const ncgen_real K2_x = q[22];
@@ -1343,7 +1343,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "e61f821fdee03417",
+        .fingerprint = "5ba850bd3e8fac6e",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,

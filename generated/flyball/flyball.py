@@ -850,7 +850,7 @@ def energy(t, q, qd, p):
     # constant part
     x1 = _number_1
     energy[..., 0:3] = x1
-    # S.z K1.z; K1.x; K1.y; K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2
+    # K1.x; K1.y; K1.z; S.z K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2
     B1_x = q[..., 12]
     H1_x = q[..., 6]
     df_y = qd[..., 4]
@@ -893,11 +893,11 @@ def energy(t, q, qd, p):
     x12 = df_y * x9 + f_y * x10
     x13 = x2 * x2 + x5 * x5 + x6 * x6 + (x8 * x8 + x11 * x11 + x12 * x12)
     x14 = dH2_x * dB2_x + (dH1_z * dB1_z + (dH1_y * dB1_y + dH1_x * dB1_x))
-    dK1_z = qd[..., 11]
-    dS_z = qd[..., 0]
     dK1_x = qd[..., 9]
     dK1_y = qd[..., 10]
-    x15 = 0.5 * (dK1_y * dK1_y) + (0.5 * (dK1_x * dK1_x) + dK1_z * (0.5 * dK1_z - dS_z))
+    dK1_z = qd[..., 11]
+    dS_z = qd[..., 0]
+    x15 = 0.5 * (dK1_x * dK1_x) + 0.5 * (dK1_y * dK1_y) + dK1_z * (0.5 * dK1_z - dS_z)
     x16 = 1.2499999999992486e-06 * x13 + (0.05 * (dH2_z * dB2_z + (dH2_y * dB2_y + x14)) + x15)
     energy[..., 0] += x16
     # S.z; H1.z; B1.z; H2.z; B2.z; spring K1-M1; spring K2-M2
