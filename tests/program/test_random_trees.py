@@ -1,6 +1,6 @@
 """Accelerations of random trees with and without loops, in space and in the plane, against Newton's and Euler's equations of free bodies.
 
-python -m pytest -m slow tests/program/test_random_trees.py     # 2,000 of them
+python -m pytest -m slow -o faulthandler_timeout=0 tests/program/test_random_trees.py     # 2,000 of them
 """
 
 from __future__ import annotations
