@@ -45,7 +45,7 @@ void ncgen_find_pivot_sizes(ncgen_run *r, ncgen_constrained *w)
 /* Refinement takes it out at once, also where masses differ by many digits, and pivots are above rounding. */
 ncgen_scalar ncgen_row_compliance(const ncgen_run *r)
 {
-    return 1000 * r->rounding;
+    return R(1.0e4) * r->rounding;
 }
 
 /* E of a row. Penalties are what a user gives; where M is singular it only keeps pivots from being zero, so it is small compared with the
