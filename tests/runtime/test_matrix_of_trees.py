@@ -10,6 +10,7 @@ import pytest
 from benchmarks.random_trees import by_null_space
 
 import ncgen
+from ncgen.comparisons.hard_cases import CASES
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.solver.engines.acceleration_forms import all_coordinates
@@ -70,3 +71,11 @@ def test_a_flat_parallelogram(rates, status):
     assert moving.evaluate() == status
     if status == "ok":
         assert moving.qdd == pytest.approx([-1, 0, -1, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("formalism", ["lagrange", "null-space", "udwadia-phohomsiri"])
+def test_nearly_parallel_vectors_of_a_body(formalism):
+    """A body turns as Jacobi's functions say, although two of its vectors are 0.6° apart."""
+    case = CASES["near-parallel"]
+    given = {"rtol": case.rtol, "points": case.points, "formalism": formalism, "integrator": "dop853"} | case.options
+    assert case.error(ncgen.simulate(ncgen.compile(case.build()), case.duration, **given)) < 1e-9
