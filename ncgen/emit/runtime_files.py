@@ -182,6 +182,12 @@ def constant_of(source: str, name: str) -> int:
     return int(match[1])
 
 
+def row_vectors(m: int, rank: int) -> int:
+    """How many vectors of all unknowns the choice among redundant rows needs in ncgen_redundant.c; rank: −1 where it changes."""
+    besides = constant_of("ncgen_redundant.c", "BESIDES")
+    return 0 if rank == m else 1 + (m if rank < besides else m - rank + besides)
+
+
 def widest_tableau() -> int:
     """Slopes that the largest of the explicit methods keeps."""
     return _methods()["width"]

@@ -30,10 +30,6 @@ MIN_CACHED_UNKNOWNS = 100
 """Unknowns of the matrix from which on the plan by which it is factored is kept in the cache: making it takes longer."""
 
 
-BESIDES = 3
-"""Combinations of rows that are looked at in addition to those that vanish, as in ncgen_redundant.c."""
-
-
 class ConstrainedDynamics(Dynamics):
     """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism.
 
@@ -155,11 +151,6 @@ class _PreparedTwice(PreparedRun):
     @cached_property
     def _with_tangents(self) -> PreparedRun:
         return PreparedRun(self._dynamics, self._method, self._given, newton=True)
-
-
-def row_vectors(m: int, rank: int) -> int:
-    """How many vectors of all unknowns the choice among redundant rows needs in ncgen_redundant.c; rank: −1 where it changes."""
-    return 0 if rank == m else 1 + (m if rank < BESIDES else m - rank + BESIDES)
 
 
 def _loaded_motion(kernels: Kernels, number: str, source: FilledSources) -> tuple[Interface, Callable[[], InC], InC] | None:

@@ -6,8 +6,7 @@ import pytest
 from every_example import EVERY
 
 import ncgen
-from ncgen.emit.runtime_files import runtime_text, widest_tableau
-from ncgen.mechanism.constrained_dynamics import row_vectors
+from ncgen.emit.runtime_files import row_vectors, runtime_text, widest_tableau
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
 from ncgen.solver.engines import acceleration_forms, capabilities

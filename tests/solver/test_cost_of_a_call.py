@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from benchmarks.calls import calls_of
 
 import ncgen
 from ncgen.mechanism.run_space import RunSpace
@@ -35,21 +35,8 @@ def pendulum():
 
 def functions_of(call):
     """How many functions of Python and C a call calls, without those of the first calls."""
-    count = 0
-
-    def note(frame, event, argument):
-        nonlocal count
-        count += event in ("call", "c_call")
-
     call()
-    call()
-    before = sys.getprofile()
-    sys.setprofile(note)
-    try:
-        call()
-    finally:
-        sys.setprofile(before)
-    return count
+    return calls_of(call)
 
 
 @pytest.mark.parametrize(

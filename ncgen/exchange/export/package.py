@@ -18,11 +18,10 @@ from ncgen.emit.c.c_spelling import number
 from ncgen.emit.c.files import program_records
 from ncgen.emit.environment import render
 from ncgen.emit.naming import labels, prefix_of
-from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
+from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, needed_by, row_vectors, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
 from ncgen.exchange.export.switches import Switching, assemble_switches
-from ncgen.mechanism.constrained_dynamics import row_vectors
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_sources import motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite

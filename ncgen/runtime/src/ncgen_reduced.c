@@ -14,16 +14,10 @@
 #include "ncgen_reduced.h"
 #include "ncgen_constrained.h"
 
-/* How many velocities the constraints leave, redundant rows counted once. */
-static int degrees_of_freedom(const ncgen_run *r)
-{
-    return r->n - (r->dynamics->n_dependent > 0 ? r->dynamics->n_dependent : r->m);
-}
-
 int ncgen_reduced_count(const ncgen_run *r)
 {
     const int joints = ncgen_recursive_joints(r);
-    return joints ? joints : degrees_of_freedom(r);
+    return joints ? joints : ncgen_degrees_of_freedom(r);
 }
 
 void ncgen_reduced_layout(ncgen_run *r, ncgen_reduced *w, int *integers)

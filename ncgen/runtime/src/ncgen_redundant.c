@@ -77,14 +77,12 @@ static void find_remainder(const ncgen_run *r, const ncgen_constrained *w, int k
 static int find_combinations(ncgen_run *r, ncgen_constrained *w)
 {
     const int most = ncgen_combination_count(r->m, r->dynamics->n_dependent);
-    unsigned long seed = 1;
+    unsigned seed = 1;
     int count = 0;
     for (int tries = 0, others = 0; tries < most && others < BESIDES; ++tries) {
         ncgen_real *y = combination(r, w, count), size = 0;
-        for (int i = 0; i < r->m; ++i) {
-            seed = (seed * 1103515245UL + 12345UL) & 0x7fffffffUL;
-            y[i] = (ncgen_real)seed / R(1073741824.0) - 1;
-        }
+        for (int i = 0; i < r->m; ++i)
+            y[i] = ncgen_next_random(&seed);
         normalise(r, w, count);
         for (int k = 0; k < ITERATIONS; ++k) {
             iterate(r, w, y);

@@ -6,6 +6,11 @@ int ncgen_nonzeros(const ncgen_pattern *pattern)
     return pattern->indptr ? pattern->indptr[pattern->rows] : 0;
 }
 
+int ncgen_degrees_of_freedom(const ncgen_run *r)
+{
+    return r->n - (r->dynamics->n_dependent > 0 ? r->dynamics->n_dependent : r->m);
+}
+
 void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product)
 {
     for (int i = 0; i < r->n; ++i)

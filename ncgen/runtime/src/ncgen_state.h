@@ -96,6 +96,7 @@ int ncgen_energies(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const 
 int ncgen_power(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *power);
 
 /* Sparse matrices, of which one without rows has no pattern. */
+int ncgen_degrees_of_freedom(const ncgen_run *r); /* how many velocities the constraints leave, redundant rows counted once */
 int ncgen_nonzeros(const ncgen_pattern *pattern);
 
 /* Row i of A x. */

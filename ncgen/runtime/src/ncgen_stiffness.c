@@ -62,8 +62,7 @@ static int is_limited_by_stability(const ncgen_run *r, const ncgen_stepping *w, 
 static int can_switch_to_implicit(const ncgen_run *r, ncgen_scalar h)
 {
     const int is_cheap = r->options->stop_when_stiff && r->constrained && r->constrained->is_recursive && !r->dynamics->rolling;
-    const int rank = r->dynamics->n_dependent > 0 ? r->dynamics->n_dependent : r->m;
-    return is_cheap && r->times[r->n_times - 1] - r->start_t > h * implicit_cost((ncgen_scalar)(r->n - rank));
+    return is_cheap && r->times[r->n_times - 1] - r->start_t > h * implicit_cost((ncgen_scalar)ncgen_degrees_of_freedom(r));
 }
 
 /* Before the first step ---------------------------------------------------------------------------------------- */

@@ -112,7 +112,7 @@ class RunUnderWay:
         form, refused, _ = self._plan()
         if has_events(kernels.model):
             check_events(kernels, self.choice.method, run)
-        needs_c = run.settings.engine in (COMPILED, "c", *EMITTED) or run.settings.number != "double"
+        needs_c = run.settings.needs_c
         remedy = "engine='auto'" if run.settings.number == "double" else "number='double'"
         if refused and needs_c:
             number = "" if run.settings.number == "double" else f" with {run.settings.number}"

@@ -21,7 +21,7 @@ from ncgen.solver.positions.open_tree import known_tree, open_tree, sampled
 from ncgen.solver.positions.position import TOLERANCE, check_finite, solve_position
 from ncgen.solver.positions.row_choice import best_rows, first_independent, represents_badly
 from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
-from ncgen.solver.positions.tree_rank import Implications, implied_rows
+from ncgen.solver.positions.tree_rank import MIN_COEFFICIENT, Implications, implied_rows
 
 if TYPE_CHECKING:
     import scipy.sparse.linalg
@@ -273,7 +273,7 @@ def _implications(jacobian: np.ndarray, dependent: list[int], kept: list[int], s
     """The combinations of kept rows that dependent rows are."""
     solutions = np.linalg.lstsq(jacobian[kept].T, jacobian[dependent].T, rcond=None)[0].T if dependent else []
     return tuple(
-        Redundancy(row, {k: float(c * scale[row] / scale[k]) for k, c in zip(kept, solution, strict=True) if abs(c) > 1e-7})
+        Redundancy(row, {k: float(c * scale[row] / scale[k]) for k, c in zip(kept, solution, strict=True) if abs(c) > MIN_COEFFICIENT})
         for row, solution in zip(dependent, solutions, strict=True)
     )
 

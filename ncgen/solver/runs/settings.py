@@ -36,6 +36,9 @@ ENGINES = (AUTO, COMPILED, "c", "emitted", "refined", "python")
 EMITTED: tuple[Literal["emitted"], Literal["refined"]] = ("emitted", "refined")
 """Engines for which the state derivative is written out for a mechanism."""
 
+IN_C = (COMPILED, "c", *EMITTED)
+"""Engines that do not go on in Python."""
+
 Partitioned: TypeAlias = Literal["dense", "emitted", "refined"]
 """Of a state derivative in C: eliminated by the runtime, written out, or that with iterative refinement."""
 
@@ -83,17 +86,22 @@ class Settings:
         """Whether the method was named and has one."""
         return self.integrator is not None and self.integrator.has_fixed_step
 
+    @property
+    def needs_c(self) -> bool:
+        """Whether nothing but a run in C will do."""
+        return self.engine in IN_C or self.number != "double"
+
     def _check(self) -> None:
         """A fixed step that is missing, and an engine that can never take the method."""
-        if self.integrator is not None and self.integrator.has_fixed_step and self.max_step == np.inf:
-            raise ModelError(f"max_step: {self.integrator.name} has a fixed step; give its length in seconds")
+        named = self.integrator
+        if named is not None and self.has_fixed_step and self.max_step == np.inf:
+            raise ModelError(f"max_step: {named.name} has a fixed step; give its length in seconds")
         if self.engine in EMITTED and self.formalism is not None and self.formalism.is_constrained:
             raise ModelError(
                 f"engine {self.engine!r}: a state derivative is emitted for coordinate-partitioning, not for {self.formalism.name}"
             )
-        named = self.integrator
-        if named is not None and not named.in_c and (self.engine in (COMPILED, "c", *EMITTED) or self.number != "double"):
-            label = f"engine {self.engine!r}" if self.engine in (COMPILED, "c", *EMITTED) else f"number {self.number!r}"
+        if named is not None and not named.in_c and self.needs_c:
+            label = f"engine {self.engine!r}" if self.engine in IN_C else f"number {self.number!r}"
             raise ModelError(f"{label}: {named.name} runs in Python; in C there are {', '.join(in_c(INTEGRATORS))}")
         if self.engine == "python" and self.number != "double":
             raise ModelError(f"number {self.number!r}: Python computes with doubles; leave out engine='python'")
