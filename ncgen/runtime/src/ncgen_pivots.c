@@ -42,8 +42,15 @@ void ncgen_find_pivot_sizes(ncgen_run *r, ncgen_constrained *w)
             w->natural[i] = least / (sizes[i] * sizes[i]);
 }
 
-/* Refinement takes it out at once, also where masses differ by many digits, and pivots are above rounding. */
+/* Of all rows, where combinations of them are looked for: those that do not vanish are to be multiplied by nearly nothing. */
 ncgen_scalar ncgen_row_compliance(const ncgen_run *r)
+{
+    return 100 * r->rounding;
+}
+
+/* Where M is singular: refinement takes it out at once, also where masses differ by many digits, and pivots are above rounding. With less,
+ * it does not come to the end where two vectors of a body are 0.6 degrees apart. */
+static ncgen_scalar compliance_of_singular(const ncgen_run *r)
 {
     return R(1.0e4) * r->rounding;
 }
@@ -57,7 +64,7 @@ static ncgen_real row_diagonal(ncgen_run *r, const ncgen_constrained *w, int row
     const ncgen_real size = r->dynamics->row_sizes[row];
     if (!all && (o->formalism == NCGEN_PENALTY || o->formalism == NCGEN_AUGMENTED_LAGRANGIAN))
         return size * size / (penalty * w->mass_size);
-    return all || w->iterated ? ncgen_row_compliance(r) * w->reduced[row] : 0;
+    return w->reduced[row] * (all ? ncgen_row_compliance(r) : w->iterated ? compliance_of_singular(r) : 0);
 }
 
 /* The diagonal -E, the smallest pivots and what replaces them, in the order of elimination.
