@@ -52,6 +52,11 @@ class RunTimes:
         return np.flatnonzero(~self.is_extra)
 
     @cached_property
+    def duration(self) -> float:
+        """From the first to the last (s)."""
+        return float(self.times[-1] - self.times[0])
+
+    @cached_property
     def looked_at(self) -> list[int] | None:
         """Numbers of the rows at which the energy is looked at; None for all, where there are none for it alone."""
         extra = np.flatnonzero(self.is_extra).tolist()

@@ -59,10 +59,15 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     Raises ConvergenceError naming the rows that do not close, SingularError at a singular position that the method or the given
     velocities cannot do with, ModelError for independent coordinates that do not determine the motion.
     """
-    start = kernels.remember("starts", (*initial.key, partitioned), lambda: _begin(kernels, initial, partitioned), REMEMBERED)
+    start = start_of(kernels, initial, partitioned)
     for message in start.warnings:
         warn(message)
     return start
+
+
+def start_of(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
+    """The same without warnings, which are the start's."""
+    return kernels.remember("starts", (*initial.key, partitioned), lambda: _begin(kernels, initial, partitioned), REMEMBERED)
 
 
 def _begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
