@@ -145,7 +145,7 @@ class _PreparedTwice(PreparedRun):
 
     def call(self, times: Sequence[float] | np.ndarray, initial: InitialState, **numbers: Any) -> RunCall:
         """As of any prepared run."""
-        return super().call(times, initial, fallback=lambda: self._with_tangents.call(times, initial, **numbers), **numbers)
+        return super().call(times, initial, fallback=lambda start: self._with_tangents.call(times, start, **numbers), **numbers)
 
     @cached_property
     def _with_tangents(self) -> PreparedRun:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,7 +91,7 @@ class RunCall:
     movable: a mask over the times of rows that may have the end of the step around them, which saves the stages of an interpolant
     rank: of Φ_q, where rows are redundant; errors: `rtol`, `atol` and `span` of the options, if others than those that were prepared
     inspected: ascending numbers of rows at which a run is inspected that comes to its end; None for no inspection
-    fallback: what is called where Newton's steps do not converge
+    fallback: the same call, from a start, where Newton's steps do not converge
     The arrays of the start stay as they are for as long as it is used.
     """
 
@@ -105,12 +107,13 @@ class RunCall:
         rank: int | None = None,
         errors: tuple[float, float, float] | None = None,
         inspected: np.ndarray | None = None,
-        fallback: Callable[[], RunCall] | None = None,
+        fallback: Callable[[InitialState], RunCall] | None = None,
     ) -> None:
         ffi, number, where = run.ffi, run.dynamics.number, run.dynamics.kernels.name
         self._run, self._rank, self._errors, self._fallback = run, rank, errors, fallback
         self._times, self._count = np.array(times, number.dtype), len(times)
-        self._start, self._asked = run.laid(initial), pointer(ffi, self._times, number.array)
+        self._initial, self._start, self._asked = initial, run.laid(initial), pointer(ffi, self._times, number.array)
+        self._numbers = object()
         self._movable = self._inspected = None
         if movable is not None:
             self._movable = pointer(ffi, np.ascontiguousarray(movable, dtype=np.intc), "int[]", self._count, f"{where}: movable")
@@ -122,24 +125,31 @@ class RunCall:
         self._is_influenced = bool(inputs is not NO_INPUTS or conditions or run.dynamics.called)
         self._size_key = None if self._is_influenced else (rank, inspected is not None)
 
+    def with_velocities(self, velocities: np.ndarray) -> RunCall:
+        """The same call from a start with other velocities, which are as of `InitialState`."""
+        other = copy(self)
+        other._initial = replace(self._initial, velocities=velocities)
+        other._start = [*self._start[:2], *self._run.laid(other._initial)[2:]]
+        return other
+
     def simulate(self, progress: Callable[[float], None] | None) -> Outcome:
         """Run; progress: as of `Monitor`."""
         run, where = self._run, self._run.dynamics
         rows, influences = RunRows(run.ffi, where.number, self._times, run.n), self._influences() if self._is_influenced else None
         space = where.spaces.take(progress)
         try:
-            if space.call is not self:
+            if space.numbers_in_c is not self._numbers:
                 self._put(space)
             options = space.options
             if self._movable is not None:
                 options.row_times = rows.t_in_c
             if influences:
-                space.call = None
+                space.numbers_in_c = None
                 influences.put(options)
             statistics = run.ffi.new("ncgen_statistics *")
             status = run.library.ncgen_simulate(
                 where.model, space.dynamics, options, *self._start, self._count, self._asked, *rows.in_c, space.rows,
-                statistics, space.numbers(run.size(space, self._size_key)), space.integers,
+                statistics, space.room(run.size(space, self._size_key)), space.integers,
             )  # fmt: skip
             done = Outcome(rows, space.rows[0], STATUS[status], statistics)
             if raised := space.listener.raised or (influences and influences.raised):
@@ -150,14 +160,14 @@ class RunCall:
                 done.inspection = Inspection(seen.energy, seen.change, seen.kinetic, seen.remainder)
         finally:
             where.spaces.give_back(space)
-        return self._fallback().simulate(progress) if self._fallback and done.status == "not converged" else done
+        return self._fallback(self._initial).simulate(progress) if self._fallback and done.status == "not converged" else done
 
     def _influences(self) -> _Influences:
         return _Influences(self._run.dynamics, self._run.library, self._inputs, self._conditions)
 
     def _put(self, space: RunSpace) -> None:
         """The numbers into a space that had others."""
-        space.call, options = None, space.options
+        space.numbers_in_c, options = None, space.options
         self._run.put(space, self._rank)
         if self._errors is not None:
             options.rtol, options.atol, options.span = self._errors
@@ -166,7 +176,7 @@ class RunCall:
         if self._inspected is not None:
             space.inspection.rows, space.inspection.count = self._inspected, len(self._inspected)
             options.inspection = space.inspection
-        space.call = self
+        space.numbers_in_c = self._numbers
 
 
 class _Influences:

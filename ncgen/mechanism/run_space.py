@@ -6,16 +6,13 @@ Runs of several threads, and a run that a callback of another one begins, each h
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.toolchain.abi import InC, Interface, Number
-
-if TYPE_CHECKING:
-    from ncgen.mechanism.prepared_run import RunCall
 
 MAX_KEPT_NUMBERS = 2**17
 """Numbers of a workspace that is kept for later runs, 1 MiB of doubles; a run with more takes so long that new memory costs nothing."""
@@ -32,10 +29,11 @@ class RunSpace:
     """Of one state derivative.
 
     options: an ncgen_options; dynamics: an ncgen_dynamics; rows: an int; inspection: an ncgen_inspection; integers: of the workspace
-    listener: whom the options call; call: whose numbers are in options and dynamics, None where they are those of one run alone
+    listener: whom the options call
+    numbers_in_c: stands for the numbers in options and dynamics, None where they are those of one run alone
     """
 
-    call: RunCall | None = None
+    numbers_in_c: object = None
 
     def __init__(self, ffi: Interface, number: Number, sizes: SpaceSizes) -> None:
         self._ffi, self._number = ffi, number
@@ -55,7 +53,7 @@ class RunSpace:
         made = self.options
         made.progress, made.context, made.attempts_left = self._hear, self._context, self.listener.attempts
 
-    def numbers(self, size: int) -> InC:
+    def room(self, size: int) -> InC:
         """Return room for so many numbers."""
         if size > self._size:
             self._size, self._numbers = size, pointer(self._ffi, np.empty(size, self._number.dtype), self._number.array)

@@ -63,9 +63,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         begun = len(path.q)
         call = _call(kernels, task, form, (begun, q, qd))
     else:
-        begun, call = 0, task.calls.get((kernels, form))
-        if call is None:
-            call = task.calls[kernels, form] = _call(kernels, task, form, (0, task.q, task.velocities))
+        begun, call = 0, task.calls.get((kernels, form)) or _whole_call(kernels, task, form)
     done = call.simulate(Progress(task.progress, kernels.name, task.arrival))
     task.looked_at(begun, done.t)
     path.take_run(done, work, bool(method.in_c["project"]))
@@ -86,6 +84,16 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
             "comes to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
+
+
+def _whole_call(kernels: Kernels, task: Task, form: Form) -> RunCall:
+    """All of a task over all coordinates in C, kept with it for when it comes again."""
+    if task.kin is None:
+        call = _call(kernels, task, form, (0, task.q, task.velocities))
+    else:
+        call = (task.kin.calls.get((kernels, form)) or _whole_call(kernels, task.kin, form)).with_velocities(task.velocities)
+    task.calls[kernels, form] = call
+    return call
 
 
 def _call(kernels: Kernels, task: Task, form: Form, begun: tuple[int, np.ndarray, np.ndarray]) -> RunCall:

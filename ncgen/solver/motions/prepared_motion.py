@@ -3,26 +3,30 @@ equal arguments, and cached with the kernels, so that a short run does not cost 
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from types import NoneType
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import counted
 from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
+from ncgen.solver.argument_checks import ArrayOrNamed
 from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import doubtful
 from ncgen.solver.positions.rank import REMEMBERED, rank_at
 from ncgen.solver.runs.choice import Choice, choose, stiff_choice
-from ncgen.solver.runs.grid import RunTimes
-from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.grid import MOST_CACHED_POINTS, RunTimes
+from ncgen.solver.runs.run import Initial, Run
 from ncgen.solver.runs.settings import CACHED, COMPILED, EMITTED, Form
-from ncgen.solver.runs.start import start_of
+from ncgen.solver.runs.start import Start, start_of
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
 
@@ -31,6 +35,10 @@ MAX_PARTITIONED_DOF = 100
 
 PLAIN = frozenset((str, int, float, bool, NoneType))
 """Types of which equal values are the same argument."""
+
+
+VELOCITIES = ("zd0", "qd0")
+"""Arguments that differ from call to call where nothing else does."""
 
 
 class RunPlan(NamedTuple):
@@ -59,23 +67,59 @@ class PreparedMotion:
         self.start = start_of(self.kernels, run.initial, is_partitioned)
         # other times than those that are asked for would change the steps of methods with a fixed one
         self.rows = rows or (run.grid.plain if self.choice.method.has_fixed_step else run.grid.monitored)
-        self.warnings = self.start.warnings
+        self._advice: tuple[str, ...] = ()
         if is_partitioned and (freedom := kernels.n - kernels.m) > MAX_PARTITIONED_DOF:
-            self.warnings += (
+            self._advice = (
                 f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
                 "formalism='lagrange' solves sparsely, many times faster",
             )
+        self.warnings = (*self.start.warnings, *self._advice)
         self._plans: dict[Choice, RunPlan] = {}
+        self._kin: PreparedMotion | None = None
         self._explained: dict[tuple[Choice, str], str] = {}
 
     @classmethod
-    def of_arguments(cls, kernels: Kernels, duration: float, **arguments: Any) -> PreparedMotion:
-        """Of the arguments of `simulate_one`; of equal ones the same object, where they are plain numbers and names. Raises ModelError."""
-        kinds = (type(duration), *map(type, arguments.values()))
-        if not PLAIN.issuperset(kinds):
-            return _of_run(kernels, Run.from_arguments(kernels, duration, **arguments))
-        key = kernels, kernels.effort, duration, *arguments, *arguments.values(), *kinds
-        return kernels.remember("motions", key, lambda: _of_run(kernels, Run.from_arguments(kernels, duration, **arguments)), CACHED)
+    def of_arguments(cls, kernels: Kernels, duration: float, points: int | ArrayLike = 101, **arguments: Any) -> PreparedMotion:
+        """Of the arguments of `simulate_one`, of equal numbers and names the same object. Raises ModelError."""
+
+        def find() -> PreparedMotion:
+            return cls._of_run(kernels, Run.from_arguments(kernels, duration, points=points, **arguments))
+
+        kinds = (type(duration), type(points), *map(type, arguments.values()))
+        if type(points) is int and points > MOST_CACHED_POINTS:
+            return find()
+        if PLAIN.issuperset(kinds):
+            key = kernels, kernels.effort, duration, points, *arguments, *arguments.values(), *kinds
+            return kernels.remember("motions", key, find, CACHED)
+        others = {name: value for name, value in arguments.items() if name not in VELOCITIES}
+        if len(others) < len(arguments) and PLAIN.issuperset((type(points), *map(type, others.values()))):
+            velocities = {name: arguments.get(name) for name in VELOCITIES}
+            return cls.of_arguments(kernels, duration, points, **others).with_velocities(**velocities)
+        return find()
+
+    @classmethod
+    def _of_run(cls, kernels: Kernels, run: Run) -> PreparedMotion:
+        """Of a run as it was asked for; of equal settings, grids and starts the same object."""
+        if run.stop or run.signals or not run.grid.is_small:
+            return cls(kernels, run)
+        start = start_of(kernels, run.initial, not choose(run.settings).method.is_constrained)
+        key = kernels, kernels.effort, run.settings, run.grid, start
+        return kernels.remember("motions from starts", key, lambda: cls(kernels, run), REMEMBERED)
+
+    def with_velocities(self, zd0: ArrayOrNamed | None, qd0: ArrayOrNamed | None) -> PreparedMotion:
+        """The same from the same position with other velocities; of equal ones the same object. Raises ModelError."""
+        kernels, run = self.kernels, self.run
+        initial = run.initial.with_velocities(kernels, zd0, qd0)
+        start = start_of(kernels, initial, not self.choice.method.is_constrained, self.start)
+        return kernels.remember("motions with velocities", (self, start), lambda: self._from(initial, start), REMEMBERED)
+
+    def _from(self, initial: Initial, start: Start) -> PreparedMotion:
+        """The same from another start at the same position."""
+        assert self.mass_is_doubtful is not None and self.tolerances and self.breaks is not None  # what both have in common, found here
+        other = copy(self)
+        other.run, other.start, other.warnings = replace(self.run, initial=initial), start, (*start.warnings, *self._advice)
+        other._plans, other._kin = {}, self
+        return other
 
     @cached_property
     def mass_is_doubtful(self) -> bool:
@@ -130,6 +174,10 @@ class PreparedMotion:
             return plan
         run, start, kernels, is_constrained = self.run, self.start, self.kernels, choice.method.is_constrained
         is_new = kernels.backend != "c" or (start.partitions and run.settings.engine in EMITTED)  # which may be refused
+        if self._kin and not is_new:
+            common = self._kin.plan(choice)
+            plan = self._plans[choice] = common._replace(task=common.task.with_velocities(start.qd))
+            return plan
         known = run.settings, choice, kernels.effort, self.given_breaks is None
         common = self._plan(choice) if is_new else kernels.remember("plans", known, lambda: self._plan(choice), CACHED)
         task = common.task.begun(
@@ -189,12 +237,3 @@ class PreparedMotion:
         if text is None:
             text = self._explained[choice, engine] = acceleration_forms.explained(self.kernels, choice, self.run.settings, engine)
         return text
-
-
-def _of_run(kernels: Kernels, run: Run) -> PreparedMotion:
-    """Of a run as it was asked for; of equal settings, grids and starts the same object."""
-    if run.stop or run.signals:
-        return PreparedMotion(kernels, run)
-    start = start_of(kernels, run.initial, not choose(run.settings).method.is_constrained)
-    key = kernels, kernels.effort, run.settings, run.grid, start
-    return kernels.remember("motions from starts", key, lambda: PreparedMotion(kernels, run), REMEMBERED)

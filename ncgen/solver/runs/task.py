@@ -48,6 +48,7 @@ class Task:
     conditions: of events, and of the stop, at the first of which C ends this part of the run; first_step: what C tries first (s), 0 for its
         own choice
     inspected: ascending numbers of the instants at which C inspects a run over the whole grid, None where it does not
+    kin: None, or a task that differs in its velocities alone, whose runs in C this one may take
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -73,6 +74,7 @@ class Task:
     conditions: Conditions | None = None
     first_step: float = 0.0
     inspected: np.ndarray | None = None
+    kin: Task | None = None
 
     def rank_at(self, kernels: Kernels, q: np.ndarray, t: float) -> int:
         """The rank of Φ_q where the run, or what is left of it, begins: at q (n,) and t (s), unless it is known already."""
@@ -121,6 +123,10 @@ class Task:
         task, _ = object.__new__(Task), self.runs
         vars(task).update(vars(self), calls={}, **numbers)
         return task
+
+    def with_velocities(self, velocities: np.ndarray) -> Task:
+        """The same from other velocities at the same start; runs in C take the rest from this task."""
+        return self.begun(velocities=velocities, kin=self)
 
     def again(self, grid: np.ndarray, progress: Callable[[float], None] | None) -> Task:
         """The same for a run with these numbers once more; grid: of the same times, which this run may move."""
