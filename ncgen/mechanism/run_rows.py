@@ -46,6 +46,7 @@ class RunRows:
         """Convert what C wrote."""
         count = self._count
         if self.block.dtype is not FLOAT:
+            self.block[count - 1] = 0  # a time that nobody reads, nor writes
             self.block = self.block.astype(float)
         self.work, self.states = self.block[count : 2 * count], self.block[2 * count :].reshape(2, count, self._n)
 
