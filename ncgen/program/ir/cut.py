@@ -31,7 +31,7 @@ def cut(program: Program) -> Program:
         if isinstance(block, Loop) or not (program.leading or _is_long(block)):
             blocks.append(block)
             continue
-        plan = _Plan(block, program.output, program.leading.size if program.leading else 0)
+        plan = _Cuts(block, program.output, program.leading.size if program.leading else 0)
         blocks += [_block(plan, number) for number in range(plan.count)]
         most = max(most, plan.size)
     return replace(program, blocks=tuple(blocks), temporaries={**program.temporaries, CUT_ARRAY: most})
@@ -41,7 +41,7 @@ def _is_long(block: Block) -> TypeGuard[Straight]:
     return isinstance(block, Straight) and len(block.ops) > 2 * MAX_OPERATIONS
 
 
-class _Plan:
+class _Cuts:
     """Where a straight line is cut: blocks are about equally long, and operations stay in their order.
 
     block_of: the number of the block that computes every operation; count: how many there are
@@ -99,7 +99,7 @@ def _parts(length: int, begun: int) -> list[int]:
     return [begun + k * count // length for k in range(length)]
 
 
-def _block(plan: _Plan, number: int) -> Straight:
+def _block(plan: _Cuts, number: int) -> Straight:
     """One of the blocks: its own operations, with loads of what they read from others; leaves are read anew in every block."""
     block, block_of, elements = plan.block, plan.block_of, plan.elements
     ops: list[Op] = []

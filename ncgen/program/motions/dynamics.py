@@ -41,7 +41,7 @@ from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.motions.motion import Motions
+from ncgen.program.motions.motion import RecursiveMotions
 from ncgen.program.motions.sliding_derivatives import with_friction
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions, is_described
@@ -141,9 +141,9 @@ def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], siz
 
 def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, forced: bool = False) -> MotionPrograms | None:
     """The motion of all coordinates by the cheapest recursion; None where there is none. Arguments as for `assemble_dynamics`, the split
-    of the positions; forced: as of `Motions`."""
+    of the positions; forced: as of `RecursiveMotions`."""
     try:
-        motions, n = Motions(equations, samples, np.asarray(sizes), forced), len(equations.free)
+        motions, n = RecursiveMotions(equations, samples, np.asarray(sizes), forced), len(equations.free)
         ways = motions.derivatives()
         way = cheapest(ways)
         parts = (ways[way], motions.projected(way), closing(equations, split, samples, sizes, range(n)))

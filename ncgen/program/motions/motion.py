@@ -32,7 +32,7 @@ PIVOT_WEIGHT = 0.2
 """What the square of a reciprocal pivot counts: a third of a pivot is nothing unusual."""
 
 
-class Motions:
+class RecursiveMotions:
     """The programs by every recursion that applies. Arguments and errors as for `assemble_recursions`; forced: with `forces`, along all
     coordinates, as one more input of the derivative."""
 
