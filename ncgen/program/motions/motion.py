@@ -7,7 +7,7 @@
 
 The velocities given say how the joints turn and slide (`ncgen.program.tree.joint_rates`), and x = R ż + S ν is what loops allow of that.
 What is left of the velocities, r, has the momentum Tᵀ M r over the rates, which changes the free ones by (RᵀHR)⁻¹ Rᵀ Tᵀ M r: a
-projection for the price of one more right-hand side.
+projection for the price of one more right-hand side, less what both have in common.
 
 growth is how much larger ‖R‖² and the reciprocals of the pivots are than in the samples; far from 1 the fixed order of elimination is a
 bad one.
