@@ -2,7 +2,6 @@
 #ifndef NCGEN_VECTORS_H
 #define NCGEN_VECTORS_H
 
-#include "ncgen_positive.h"
 #include "ncgen_space.h"
 
 /* A literal of the number type, with the digits of the longest type that C99 has. */
