@@ -79,8 +79,8 @@ def family(root: Markup, path: Path) -> Family:
     for each, origin in members:  # which grow
         _check_copies(each, 1)
         models = [(element, name) for element, name in _named(each) if element.tag in MODELS]
-        found = _found(models, _folders((root, each), (path.parent, origin.parent)), files)
-        members += [(read_markup(file), file) for file in found if file.suffix.lower() != ".mjb"]
+        more = _found(models, _folders((root, each), (path.parent, origin.parent)), files)
+        members += [(read_markup(file), file) for file in more if file.suffix.lower() != ".mjb"]
         if len(members) > MOST_FILES:
             root.refuse(f"it includes more than {MOST_FILES} files")
     roots = [each for each, _ in members]

@@ -104,12 +104,12 @@ class _Reader:
 
     def _follows(self, shares: dict[str, float], offset: float) -> bool:
         """Whether the first of two joints, whose sum is an offset from where they begin, now follows the other one."""
-        (follower, share), (followed, other) = shares.items()
-        if not share or follower in self.followers:
+        (follower, coefficient), (followed, other) = shares.items()
+        if not coefficient or follower in self.followers:
             return False
-        factor = -other / share
+        factor = -other / coefficient
         begins = self._begins(follower) - factor * self._begins(followed)
-        self.followers[follower] = Mimic(followed, factor, offset / share + begins)
+        self.followers[follower] = Mimic(followed, factor, offset / coefficient + begins)
         return True
 
     def _begins(self, joint: str) -> float:

@@ -29,7 +29,7 @@ NOT_KEPT = re.compile(
 )
 """Fields that are large, and that nothing here reads."""
 
-NAMED = {
+NAME_FIELDS = {
     "body": "body",
     "joint": "jnt",
     "equality": "eq",
@@ -49,9 +49,9 @@ class KeptModel(SimpleNamespace):
     """What was kept, with the fields of MuJoCo's model that are arrays, numbers and bytes, its options, and `body(i).name` and so on."""
 
     def __getattr__(self, name: str) -> Callable[[int], Any]:
-        if name not in NAMED:
+        if name not in NAME_FIELDS:
             raise AttributeError(name)
-        starts = getattr(self, f"name_{NAMED[name]}adr")
+        starts = getattr(self, f"name_{NAME_FIELDS[name]}adr")
         return lambda number: SimpleNamespace(name=self._text(int(starts[number])))
 
     def _text(self, start: int) -> str:
@@ -96,16 +96,16 @@ def keep_model(key: str, model: Any, messages: list[str], files: Iterable[str]) 
 
 def _plain(owner: Any) -> dict[str, Json]:
     """Fields as JSON can say them: arrays and bytes as text, in base 64."""
-    found: dict[str, Json] = {}
+    plain: dict[str, Json] = {}
     for name in dir(owner):
         value = None if name.startswith("_") or NOT_KEPT.fullmatch(name) else getattr(owner, name)
         if isinstance(value, np.ndarray):
-            found[name] = [_text_of(np.ascontiguousarray(value).tobytes()), value.dtype.str, list(value.shape)]
+            plain[name] = [_text_of(np.ascontiguousarray(value).tobytes()), value.dtype.str, list(value.shape)]
         elif isinstance(value, bytes):
-            found[name] = [_text_of(value)]
+            plain[name] = [_text_of(value)]
         elif isinstance(value, (bool, int, float)):
-            found[name] = value
-    return found
+            plain[name] = value
+    return plain
 
 
 def _text_of(data: bytes) -> str:
