@@ -33,8 +33,8 @@ from ncgen.solver.runs.tolerances import Tolerances
 MAX_PARTITIONED_DOF = 100
 """Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
 
-PLAIN = frozenset((str, int, float, bool, NoneType))
-"""Types of which equal values are the same argument."""
+KEY_TYPES = frozenset((str, int, float, bool, NoneType))
+"""Types of arguments of which equal values are the same one, so that they are keys of a cache."""
 
 
 VELOCITIES = ("zd0", "qd0")
@@ -88,11 +88,11 @@ class PreparedMotion:
         kinds = (type(duration), type(points), *map(type, arguments.values()))
         if type(points) is int and points > MOST_CACHED_POINTS:
             return find()
-        if PLAIN.issuperset(kinds):
+        if KEY_TYPES.issuperset(kinds):
             key = kernels, kernels.effort, duration, points, *arguments, *arguments.values(), *kinds
             return kernels.remember("motions", key, find, CACHED)
         others = {name: value for name, value in arguments.items() if name not in VELOCITIES}
-        if len(others) < len(arguments) and PLAIN.issuperset((type(points), *map(type, others.values()))):
+        if len(others) < len(arguments) and KEY_TYPES.issuperset((type(points), *map(type, others.values()))):
             velocities = {name: arguments.get(name) for name in VELOCITIES}
             return cls.of_arguments(kernels, duration, points, **others).with_velocities(**velocities)
         return find()

@@ -28,7 +28,8 @@ MAX_RESIDUAL_OVER_RTOL = 100.0
 VELOCITY_TOLERANCE = 1e-6
 """Share of what all rows' velocities add up to that a row may be off by, in double precision."""
 
-TINY = float(np.finfo(float).tiny)
+LEAST_DURATION = float(np.finfo(float).tiny)
+"""Seconds that do no harm as a divisor."""
 
 ROUNDINGS = 64.0
 """The same in roundings of a number type that has fewer digits."""
@@ -57,7 +58,7 @@ def _limit(tolerances: Tolerances) -> float:
 
 def _slow(duration: float) -> float:
     """Velocities (sizes of the mechanism per second) that move nothing by a share of its size in a run of some length (s)."""
-    return VELOCITY_TOLERANCE / max(duration, TINY)
+    return VELOCITY_TOLERANCE / max(duration, LEAST_DURATION)
 
 
 def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: Method) -> list[str]:
