@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,7 +57,7 @@ class PreparedRun:
 
     def call(self, times: Sequence[float] | np.ndarray, initial: InitialState, **numbers: Any) -> RunCall:
         """A run over the times (s) of a grid (first one is the start), which may be called again; numbers: arguments of `RunCall`."""
-        return RunCall(self, times, initial, **numbers)
+        return RunCall(run=self, times=times, initial=initial, **numbers)
 
     def laid(self, state: InitialState) -> list[InC]:
         """Parameters, position and velocities as C reads them. Raises NcgenError for others."""
@@ -84,6 +84,7 @@ class PreparedRun:
         return size
 
 
+@dataclass(eq=False, kw_only=True)
 class RunCall:
     """A prepared run with its numbers: all that C is called with, but for where it writes. May be used by several threads at a time.
 
@@ -95,46 +96,44 @@ class RunCall:
     The arrays of the start stay as they are for as long as it is used.
     """
 
-    def __init__(
-        self,
-        run: PreparedRun,
-        times: Sequence[float] | np.ndarray,
-        initial: InitialState,
-        *,
-        inputs: RunInputs = NO_INPUTS,
-        conditions: Conditions | None = None,
-        movable: np.ndarray | None = None,
-        rank: int | None = None,
-        errors: tuple[float, float, float] | None = None,
-        inspected: np.ndarray | None = None,
-        fallback: Callable[[InitialState], RunCall] | None = None,
-    ) -> None:
-        ffi, number, where = run.ffi, run.dynamics.number, run.dynamics.kernels.name
-        self._run, self._rank, self._errors, self._fallback = run, rank, errors, fallback
-        self._times, self._count = np.array(times, number.dtype), len(times)
-        self._initial, self._start, self._asked = initial, run.laid(initial), pointer(ffi, self._times, number.array)
-        self._numbers = object()
+    run: PreparedRun
+    times: Sequence[float] | np.ndarray
+    initial: InitialState
+    inputs: RunInputs = NO_INPUTS
+    conditions: Conditions | None = None
+    movable: np.ndarray | None = None
+    rank: int | None = None
+    errors: tuple[float, float, float] | None = None
+    inspected: np.ndarray | None = None
+    fallback: Callable[[InitialState], RunCall] | None = None
+
+    def __post_init__(self) -> None:
+        run, where = self.run, self.run.dynamics.kernels.name
+        ffi, number = run.ffi, run.dynamics.number
+        self._times, self._count = np.array(self.times, number.dtype), len(self.times)
+        self._start, self._asked = run.laid(self.initial), pointer(ffi, self._times, number.array)
         self._movable = self._inspected = None
-        if movable is not None:
-            self._movable = pointer(ffi, np.ascontiguousarray(movable, dtype=np.intc), "int[]", self._count, f"{where}: movable")
-        if inspected is not None:
-            if not 0 <= inspected[0] <= inspected[-1] < self._count:
-                raise NcgenError(f"{where}: rows {inspected} of {self._count} are no rows to inspect")
-            self._inspected = pointer(ffi, np.array(inspected, dtype=np.intc), "int[]")
-        self._inputs, self._conditions = inputs, conditions
-        self._is_influenced = bool(inputs is not NO_INPUTS or conditions or run.dynamics.called)
-        self._size_key = None if self._is_influenced else (rank, inspected is not None)
+        if self.movable is not None:
+            movable = np.ascontiguousarray(self.movable, dtype=np.intc)
+            self._movable = pointer(ffi, movable, "int[]", self._count, f"{where}: movable")
+        if self.inspected is not None:
+            if not 0 <= self.inspected[0] <= self.inspected[-1] < self._count:
+                raise NcgenError(f"{where}: rows {self.inspected} of {self._count} are no rows to inspect")
+            self._inspected = pointer(ffi, np.array(self.inspected, dtype=np.intc), "int[]")
+        self._is_influenced = bool(self.inputs is not NO_INPUTS or self.conditions or run.dynamics.called)
+        self._size_key = None if self._is_influenced else (self.rank, self.inspected is not None)
+        self._numbers = object()
 
     def with_velocities(self, velocities: np.ndarray) -> RunCall:
         """The same call from a start with other velocities, which are as of `InitialState`."""
         other = copy(self)
-        other._initial = replace(self._initial, velocities=velocities)
-        other._start = [*self._start[:2], *self._run.laid(other._initial)[2:]]
+        other.initial = replace(self.initial, velocities=velocities)
+        other._start = [*self._start[:2], *self.run.laid(other.initial)[2:]]
         return other
 
     def simulate(self, progress: Callable[[float], None] | None) -> Outcome:
         """Run; progress: as of `Monitor`."""
-        run, where = self._run, self._run.dynamics
+        run, where = self.run, self.run.dynamics
         rows, influences = RunRows(run.ffi, where.number, self._times, run.n), self._influences() if self._is_influenced else None
         space = where.spaces.take(progress)
         try:
@@ -160,17 +159,17 @@ class RunCall:
                 done.inspection = Inspection(seen.energy, seen.change, seen.kinetic, seen.remainder)
         finally:
             where.spaces.give_back(space)
-        return self._fallback(self._initial).simulate(progress) if self._fallback and done.status == "not converged" else done
+        return self.fallback(self.initial).simulate(progress) if self.fallback and done.status == "not converged" else done
 
     def _influences(self) -> _Influences:
-        return _Influences(self._run.dynamics, self._run.library, self._inputs, self._conditions)
+        return _Influences(self.run.dynamics, self.run.library, self.inputs, self.conditions)
 
     def _put(self, space: RunSpace) -> None:
         """The numbers into a space that had others."""
         space.numbers_in_c, options = None, space.options
-        self._run.put(space, self._rank)
-        if self._errors is not None:
-            options.rtol, options.atol, options.span = self._errors
+        self.run.put(space, self.rank)
+        if self.errors is not None:
+            options.rtol, options.atol, options.span = self.errors
         if self._movable is not None:
             options.movable = self._movable
         if self._inspected is not None:

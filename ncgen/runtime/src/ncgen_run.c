@@ -121,11 +121,11 @@ static int look_for_remainder(const ncgen_run *r, ncgen_scalar t, const ncgen_re
 }
 
 /* The inspection of a run that has written all its rows; times: of these. */
-static void inspect(const ncgen_run *r, const ncgen_scalar *times, ncgen_real *phi_q, ncgen_inspection *found)
+static void inspect(const ncgen_run *r, const ncgen_scalar *times, ncgen_real *phi_q, ncgen_inspection *result)
 {
     ncgen_real first = 0, change = 0, kinetic = 0, remainder = 0;
-    for (int k = 0; k < found->count; ++k) {
-        const int row = found->rows[k];
+    for (int k = 0; k < result->count; ++k) {
+        const int row = result->rows[k];
         const ncgen_real *q = r->out_q + (size_t)row * (size_t)r->n, *qd = r->out_qd + (size_t)row * (size_t)r->n;
         ncgen_real energies[3] = {0};
         if ((r->model->energy && r->model->energy(times[row], q, qd, r->p, energies) != NCGEN_OK)
@@ -138,11 +138,11 @@ static void inspect(const ncgen_run *r, const ncgen_scalar *times, ncgen_real *p
             change = away;
         kinetic = energies[0] > kinetic ? energies[0] : kinetic;
     }
-    found->energy = first;
-    found->change = change;
-    found->kinetic = kinetic;
-    found->remainder = remainder;
-    found->is_known = change - change == 0 && remainder - remainder == 0;
+    result->energy = first;
+    result->change = change;
+    result->kinetic = kinetic;
+    result->remainder = remainder;
+    result->is_known = change - change == 0 && remainder - remainder == 0;
 }
 
 int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
