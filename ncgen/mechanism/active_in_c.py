@@ -11,7 +11,7 @@ import numpy as np
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime_library import interface_of, runtime_of
-from ncgen.mechanism.sliding_in_c import Slide
+from ncgen.mechanism.sliding_in_c import SlidingContact
 from ncgen.toolchain.abi import InC
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class Active:
         """Note that a contact that is still would begin to slide against others that were released."""
         self.still[number] = self._library.NCGEN_OPPOSED
 
-    def turn(self, number: int, slip: np.ndarray, slide: Slide, way: np.ndarray, mobility: float, speed: float) -> np.ndarray:
+    def turn(self, number: int, slip: np.ndarray, slide: SlidingContact, way: np.ndarray, mobility: float, speed: float) -> np.ndarray:
         """The direction (d,) in which a contact slides from now on, and so far slip (d,); others as of `ncgen_write_slip`."""
         made, ways = (self._ffi.new("double[]", numbers.tolist()) for numbers in (slip, way))
         self._library.ncgen_write_slip(slide.in_c, self._struct, number, ways, mobility, speed, 0, made)

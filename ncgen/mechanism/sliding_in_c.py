@@ -37,7 +37,7 @@ def unseen_velocities(tolerances: tuple[float, float], step: float, sizes: np.nd
     return np.array([unseen(*tolerances, step, *each) for each in zip(sizes.tolist(), qd.tolist(), qdd.tolist(), strict=True)])
 
 
-class Slide:
+class SlidingContact:
     """A contact that touches, at a moment, as of `ncgen_slide`.
 
     velocity (d,): at which it slides (m/s), d being 1 in the plane and 2 in space; gradients (d, n): its derivatives by q̇; slip (d,): its

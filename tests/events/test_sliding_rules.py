@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from ncgen.mechanism.active_in_c import Active, is_missed
-from ncgen.mechanism.sliding_in_c import Slide, is_positive, parts, unseen_velocities
+from ncgen.mechanism.sliding_in_c import SlidingContact, is_positive, parts, unseen_velocities
 from ncgen.model.contacts import REST
 
 
@@ -35,7 +35,7 @@ def test_unseen_velocities_are_errors_of_steps():
 def in_space(velocity=(0.0, 0.0), slip=(0.0, 0.0), size=9.0, unseen=0.0):
     """A contact whose velocities are the first two of three coordinates' times 1 and 2."""
     gradients = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
-    return Slide(np.array(velocity), gradients, np.array(slip), np.full(3, size / 2), np.full(3, unseen / 2))
+    return SlidingContact(np.array(velocity), gradients, np.array(slip), np.full(3, size / 2), np.full(3, unseen / 2))
 
 
 def test_a_slide_begins_with_a_direction_that_is_kept():
@@ -110,7 +110,7 @@ def test_what_has_become_of_a_contact(wanted, before, happened, changes):
 
 def test_how_a_contact_slides():
     """Not where it sticks or is open; as it was released; else as it moves, unless that is rounding."""
-    slide = Slide(np.array([-2.0]), np.ones((1, 1)), np.array([0.5]), np.ones(1), np.zeros(1))
+    slide = SlidingContact(np.array([-2.0]), np.ones((1, 1)), np.array([0.5]), np.ones(1), np.zeros(1))
 
     def turned(active, way):
         return active.turn(1, slide.slip, slide, np.array([way]), 0.0, 1.0)[0]

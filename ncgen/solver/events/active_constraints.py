@@ -16,7 +16,7 @@ from ncgen.mechanism.active_in_c import Active, direction_of, is_still, sides_of
 from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.sliding_in_c import Slide
+from ncgen.mechanism.sliding_in_c import SlidingContact
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.modes import LoadConditions, forces_of, load_conditions, sliding_of
@@ -149,10 +149,10 @@ class ActiveConstraints:
         slopes, drift = self.functions.slopes(at)
         return is_still(slopes[k] @ at.qd + drift[k], np.abs(slopes[k]) @ sizes * speed, drift[k])
 
-    def slide(self, k: int, at: State) -> Slide:
+    def slide(self, k: int, at: State) -> SlidingContact:
         """A contact at a state."""
         slip = at.p[[self.place(name) for name in self.functions.contacts[k].slip]]
-        return Slide(*self.functions.sliding(at)[k], slip, self.kernels.column_sizes, self.unseen)
+        return SlidingContact(*self.functions.sliding(at)[k], slip, self.kernels.column_sizes, self.unseen)
 
     def is_opposed(self, k: int, at: State) -> bool:
         """Whether a contact that has not moved would begin to slide against others that were released: rigid bodies do not move so."""
