@@ -159,14 +159,14 @@ class ActiveConstraints:
         contacts = self.functions.contacts
         if k not in contacts or not (released := [j for j in self.left if j in contacts]):
             return False
-        own = self.slide(k, at)
-        change = response(self.kernels, at, own.gradients) @ own.slip
+        sliding = self.slide(k, at)
+        change = response(self.kernels, at, sliding.gradients) @ sliding.slip
         return sum(self.slide(j, at).along(self.left[j], change) for j in released) < 0
 
     def resting(self, at: State) -> tuple[int, ...]:
         """Where no step is short enough, numbers of the turns of contacts in space that come to rest there, whose motion is not seen."""
         slides = {number: self.slide(k, at) for number, k in self.functions.turns.items()}
-        return tuple(number for number, own in slides.items() if np.linalg.norm(own.velocity) < HALT * np.linalg.norm(own.slip))
+        return tuple(number for number, sliding in slides.items() if np.linalg.norm(sliding.velocity) < HALT * np.linalg.norm(sliding.slip))
 
     def _happened(self, start: State, choice: HeldChoice, before: tuple[int, ...], due: dict[int, Search]) -> list[Happening]:
         """What became held, or free, or slips to the other side."""
@@ -279,9 +279,9 @@ class HeldChoice:
             index = owner.place(friction.slip)
             p[index] = self.active.slip(numbers[k], p[index], np.sign(values[k]))
         for k, contact in functions.contacts.items():
-            own, indices = owner.slide(k, at), [owner.place(name) for name in contact.slip]
+            sliding, indices = owner.slide(k, at), [owner.place(name) for name in contact.slip]
             way, mobility = self._directions.get(k, np.zeros(len(indices))), 0.0
             if len(way) > 1 and np.any(way):
-                mobility = float(np.max(np.einsum("kn,nk->k", own.gradients, response(owner.kernels, at, own.gradients))))
-            p[indices] = self.active.turn(numbers[k], p[indices], own, way, mobility, speed) if k in numbers else 0.0
+                mobility = float(np.max(np.einsum("kn,nk->k", sliding.gradients, response(owner.kernels, at, sliding.gradients))))
+            p[indices] = self.active.turn(numbers[k], p[indices], sliding, way, mobility, speed) if k in numbers else 0.0
         return p
