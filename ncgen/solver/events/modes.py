@@ -171,8 +171,8 @@ class LoadConditions(ABC):
     """The conditions of a mechanism, and behind them those of the loads of what a mode holds, which are positive as long as it holds.
 
     A gap has one, its load; a joint two, static friction less and plus its load; a contact that sticks one, friction less its force, both
-    squared; all that slides with friction of loads one together, which is positive as long as these are determined. Sizes are those of all
-    loads together, by energy.
+    squared; all that slides with friction of loads one together, which is positive as long as these are determined. Sizes are by
+    energy: of what brings loads about, or of all loads together where forces of Python functions do.
 
     address: of the function, as `Conditions` has it; count: how many there are of loads; calls_python: whether it does; raised: what went
     wrong in such a call
