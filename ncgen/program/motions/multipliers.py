@@ -29,8 +29,8 @@ class AccelerationNodes:
         self.lam = [self.x.get(n + r, zero) for r in range(m)]
 
     def energy(self, sizes: MotionSizes, rows: np.ndarray) -> int:
-        """A node of the energy of what brings loads about, of which loads are fractions: forces along natural sizes of coordinates, and what
-        accelerates constraints times inertia. rows (m,): natural sizes of constraints"""
+        """A node of the energy of what brings loads about, of which they are fractions: forces along natural sizes of coordinates, and
+        what accelerates constraints times inertia. rows (m,): natural sizes of constraints"""
         graph, inertia = self.lines.graph, float(np.max(sizes.W * sizes.columns**2, initial=0.0))
         scales = [*sizes.columns.tolist(), *(inertia / rows).tolist()]
         return graph.sum([graph.mul(graph.const(scales[k]), graph.call("abs", node)) for k, node in sorted(self.right.items())])
