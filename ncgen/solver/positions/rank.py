@@ -187,17 +187,23 @@ def rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[i
     others imply is not looked for, and where they imply any, one general position near q confirms the rank of another position."""
     if kernels.m >= MIN_TREE_ROWS and (tree := known_tree(kernels)):
         return kernels.n - tree.freedoms, False
-    first: list[Freedom] = []
+    rows = kernels.of_rows(p).tobytes()
+    return kernels.remember("ranks", (q.tobytes(), float(t), rows), lambda: _rank_at(kernels, q, t, p, rows), REMEMBERED)
 
-    def find() -> int:
-        first.append(freedom_at(kernels, q, t, p))
-        return first[0].rank
 
-    usual = kernels.remember("usual rank", kernels.of_rows(p).tobytes(), find, REMEMBERED)
-    if not first and usual < kernels.m < DENSE and _has_rank(kernels, q, t, p, usual):
+def _rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rows: bytes) -> tuple[int, bool]:
+    """`rank_at` of what no tree tells; rows: the parameters that rows read."""
+    here: list[Freedom] = []
+
+    def whole() -> Freedom:
+        if not here:
+            here.append(freedom_at(kernels, q, t, p))
+        return here[0]
+
+    usual = kernels.remember("usual rank", rows, lambda: whole().rank, REMEMBERED)
+    if not here and usual < kernels.m < DENSE and _has_rank(kernels, q, t, p, usual):
         return usual, False
-    mobility = freedom_at(kernels, q, t, p)
-    return mobility.rank, mobility.is_singular
+    return whole().rank, whole().is_singular
 
 
 def _has_rank(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rank: int) -> bool:
