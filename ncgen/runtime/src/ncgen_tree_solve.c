@@ -47,27 +47,6 @@ static inline int eliminate(ncgen_tree_screw *screw, int turns, carried *own)
     return pivot > 0;
 }
 
-/* The same of a hinge alone, about the reference point of the parent: what is subtracted moves there by itself, so that nothing else
- * waits for the division. */
-static inline int pass_hinge(ncgen_tree_screw *screw, const ncgen_real *d, const carried *own, carried *passed)
-{
-    ncgen_real axis[3], momentum[6];
-    ncgen_set3(screw->axis, axis);
-    ncgen_find_momentum(own->inertia, 1, axis, momentum);
-    const ncgen_real pivot = screw->rotor + ncgen_dot3(axis, momentum), inverse = 1 / pivot;
-    const ncgen_real push = screw->push + ncgen_dot3(axis, own->wrench);
-    screw->pivot = inverse;
-    screw->push = push;
-    ncgen_set6(momentum, screw->momentum);
-    ncgen_set_shifted(own->inertia, d, passed->inertia);
-    ncgen_set6(own->wrench, passed->wrench);
-    shift_wrench(d, passed->wrench);
-    shift_wrench(d, momentum);
-    ncgen_add_own_product(-inverse, momentum, passed->inertia);
-    take_share(inverse * push, momentum, passed->wrench);
-    return pivot > 0;
-}
-
 /* Groups of joints that follow one another ------------------------------------------------------------------------ */
 
 /* What a link hands on of its group's momentum: to the link before it in the group, else to the carrier's sum. */
@@ -155,41 +134,59 @@ static ncgen_real trace_of(const ncgen_real *symmetric)
 
 /* The tree --------------------------------------------------------------------------------------------------------- */
 
-/* The inertia of a link's own body. */
-static inline void set_inertia(const ncgen_real *lane, ncgen_real *inertia)
+/* What is carried to a link, and its own body's. */
+static inline void add_body(const ncgen_tree_link *own, const carried *from, carried *to)
 {
-    ncgen_real second[6], first[3];
+    const ncgen_real *lane = own->lane, *inertia = from->inertia, *before = from->wrench, mass = lane[MASS * NCGEN_LINK_LANES];
+    ncgen_real second[6], first[3], wrench[6];
     ncgen_get6(lane, MOMENTS, second);
     ncgen_get3(lane, MOMENTS + 6, first);
-    inertia[TURNING] = second[1] + second[2];
-    inertia[TURNING + 1] = second[0] + second[2];
-    inertia[TURNING + 2] = second[0] + second[1];
-    inertia[TURNING + 3] = -second[3];
-    inertia[TURNING + 4] = -second[4];
-    inertia[TURNING + 5] = -second[5];
-    inertia[MIXED] = inertia[MIXED + 4] = inertia[MIXED + 8] = 0;
-    inertia[MIXED + 1] = -first[2];
-    inertia[MIXED + 2] = first[1];
-    inertia[MIXED + 3] = first[2];
-    inertia[MIXED + 5] = -first[0];
-    inertia[MIXED + 6] = -first[1];
-    inertia[MIXED + 7] = first[0];
-    inertia[ALONG] = inertia[ALONG + 1] = inertia[ALONG + 2] = lane[MASS * NCGEN_LINK_LANES];
-    inertia[ALONG + 3] = inertia[ALONG + 4] = inertia[ALONG + 5] = 0;
+    ncgen_get6(lane, WRENCH, wrench);
+    const ncgen_real a[6] = {inertia[0] + (second[1] + second[2]), inertia[1] + (second[0] + second[2]), inertia[2] + (second[0] + second[1]),
+                             inertia[3] - second[3], inertia[4] - second[4], inertia[5] - second[5]};
+    const ncgen_real *B = inertia + MIXED, *M = inertia + ALONG;
+    const ncgen_real b[9] = {B[0], B[1] - first[2], B[2] + first[1], B[3] + first[2], B[4], B[5] - first[0], B[6] - first[1],
+                             B[7] + first[0], B[8]};
+    const ncgen_real c[6] = {M[0] + mass, M[1] + mass, M[2] + mass, M[3], M[4], M[5]};
+    for (int i = 0; i < 6; ++i)
+        to->inertia[TURNING + i] = a[i];
+    for (int i = 0; i < 9; ++i)
+        to->inertia[MIXED + i] = b[i];
+    for (int i = 0; i < 6; ++i)
+        to->inertia[ALONG + i] = c[i];
+    for (int i = 0; i < 6; ++i)
+        to->wrench[i] = before[i] + wrench[i];
 }
 
-/* What a link has of its own body, of the link behind it, where that hangs on it, and of others. */
-static inline void begin_carried(const ncgen_tree_link *own, int has_next, carried *carries)
+/* The inertia that a link has of others that hang on it without standing next to it. */
+static void add_sum(const ncgen_tree_link *own, carried *to)
 {
-    ncgen_real body[INERTIA], wrench[6];
-    set_inertia(own->lane, body);
-    ncgen_get6(own->lane, WRENCH, wrench);
     for (int i = 0; i < INERTIA; ++i)
-        carries->inertia[i] = (has_next ? carries->inertia[i] : 0) + body[i];
-    for (int i = 0; i < 6; ++i)
-        carries->wrench[i] = (has_next ? carries->wrench[i] : 0) + wrench[i];
-    for (int i = 0; i < (own->has_sum ? INERTIA : 0); ++i)
-        carries->inertia[i] += own->inertia[i];
+        to->inertia[i] += own->inertia[i];
+}
+
+/* The same of a hinge alone: what its parent gets in place of what was carried to its link. What it does not pass on moves to the parent's
+ * point by itself, so that nothing else waits for the division. */
+static inline int pass_hinge(const ncgen_tree_link *own, ncgen_tree_screw *screw, carried *passed)
+{
+    const ncgen_real d[3] = {own->offset[0], own->offset[1], own->offset[2]};
+    ncgen_real axis[3], momentum[6];
+    carried carries;
+    add_body(own, passed, &carries);
+    ncgen_set3(screw->axis, axis);
+    ncgen_find_momentum(carries.inertia, 1, axis, momentum);
+    const ncgen_real pivot = screw->rotor + ncgen_dot3(axis, momentum), inverse = 1 / pivot;
+    const ncgen_real push = screw->push + ncgen_dot3(axis, carries.wrench);
+    screw->pivot = inverse;
+    screw->push = push;
+    ncgen_set6(momentum, screw->momentum);
+    shift_wrench(d, carries.wrench);
+    shift_wrench(d, momentum);
+    take_share(inverse * push, momentum, carries.wrench);
+    ncgen_set6(carries.wrench, passed->wrench);
+    ncgen_set_shifted(carries.inertia, d, passed->inertia);
+    ncgen_add_own_product(-inverse, momentum, passed->inertia);
+    return pivot > 0;
 }
 
 /* What a link passes on joins what its parent carries already. */
@@ -211,47 +208,52 @@ static void begin_sums(ncgen_tree_work *w)
         ncgen_tree_add_singles(w);
 }
 
-/* A link that is not a hinge alone: what its parent gets, in place of what it carries; 0 where a joint moves nothing. */
-static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, carried *carries)
+/* A link that is not a hinge alone: what its parent gets of what it carries; 0 where a joint moves nothing. */
+static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, carried *passed)
 {
     const ncgen_tree_link *own = w->link + link;
-    int is_regular = w->tree->n_groups ? close_groups(w, link, carries) : 1;
-    const ncgen_real turning = trace_of(carries->inertia + TURNING), along = trace_of(carries->inertia + ALONG);
+    carried carries;
+    add_body(own, passed, &carries);
+    int is_regular = w->tree->n_groups ? close_groups(w, link, &carries) : 1;
+    const ncgen_real turning = trace_of(carries.inertia + TURNING), along = trace_of(carries.inertia + ALONG);
     if (own->group >= 0)
-        join(w, link, screws, carries);
+        join(w, link, screws, &carries);
     for (int k = own->group >= 0 ? -1 : own->n_screws - 1; k >= 0; --k)
-        is_regular &= eliminate(screws + k, screws[k].turns, carries);
+        is_regular &= eliminate(screws + k, screws[k].turns, &carries);
     if (w->tree->n_closing && own->group < 0)
         is_regular &= has_inertia(screws, own->n_screws, turning, along);
-    const carried before = *carries;
-    ncgen_set_shifted(before.inertia, own->offset, carries->inertia);
-    shift_wrench(own->offset, carries->wrench);
+    ncgen_set_shifted(carries.inertia, own->offset, passed->inertia);
+    ncgen_set6(carries.wrench, passed->wrench);
+    shift_wrench(own->offset, passed->wrench);
     return is_regular;
 }
 
 int ncgen_tree_reduce(ncgen_tree_work *w)
 {
+    static const carried nothing;
     const int n_groups = w->tree->n_groups, has_hinges_alone = !n_groups && !w->tree->n_closing;
     ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
-    carried carries, passed;
-    int is_regular = 1, has_next = 0;
+    carried passed = nothing;
+    int is_regular = 1;
     if (n_groups)
         clear_groups(w);
     begin_sums(w);
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
         const ncgen_tree_link *own = w->link + link;
         screw -= own->n_screws;
-        begin_carried(own, has_next, &carries);
-        if (own->is_hinge && has_hinges_alone) {
-            is_regular &= pass_hinge(screw, own->offset, &carries, &passed);
-            carries = passed;
-        } else
-            is_regular &= pass_any(w, link, screw, &carries);
-        has_next = own->parent == link - 1;
-        if (!has_next && own->parent >= 0)
-            add_carried(&carries, w->link + own->parent);
+        if (own->has_sum)
+            add_sum(own, &passed);
+        if (own->is_hinge && has_hinges_alone)
+            is_regular &= pass_hinge(own, screw, &passed);
+        else
+            is_regular &= pass_any(w, link, screw, &passed);
+        if (own->parent == link - 1)
+            continue;
+        if (own->parent >= 0)
+            add_carried(&passed, w->link + own->parent);
+        passed = nothing;
     }
-    return n_groups ? is_regular & close_groups(w, -1, &carries) : is_regular;
+    return n_groups ? is_regular & close_groups(w, -1, &passed) : is_regular;
 }
 
 /* Forces along the coordinates of a link's elements. */
@@ -332,21 +334,37 @@ void ncgen_tree_push(ncgen_tree_work *w)
     }
 }
 
+/* How a hinge alone is accelerated by what is left for it, which moves its link besides what moves its parent. */
+static inline void release_hinge(ncgen_tree_screw *screw, ncgen_real *added)
+{
+    const ncgen_real push = screw->pivot * (screw->push - dot6(screw->momentum, added));
+    screw->push = push;
+    ncgen_add_times(push, screw->axis, added);
+}
+
+static void release_any(const ncgen_tree_work *w, const ncgen_tree_link *own, ncgen_tree_screw *screw, ncgen_real *added)
+{
+    for (const ncgen_tree_screw *end = screw + own->n_screws; screw < end; ++screw) {
+        screw->push = own->group < 0 ? screw->pivot * (screw->push - dot6(screw->momentum, added))
+                                     : screw->ratio * w->group[2 * own->group + 1];
+        ncgen_add_times(screw->push, screw->axis, added + (screw->turns ? 0 : 3));
+    }
+}
+
 void ncgen_tree_release(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
     ncgen_tree_screw *screw = w->screw;
     if (n_groups)
         release_groups(w, -1, ncgen_nothing);
-    for (const ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; ++own) {
+    for (const ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; screw += own->n_screws, ++own) {
         ncgen_real added[6];
         ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
         ncgen_add_cross(added, own->offset, added + 3);
-        for (const ncgen_tree_screw *last = screw + own->n_screws; screw < last; ++screw) {
-            screw->push = own->group < 0 ? screw->pivot * (screw->push - dot6(screw->momentum, added))
-                                         : screw->ratio * w->group[2 * own->group + 1];
-            ncgen_add_times(screw->push, screw->axis, added + (screw->turns ? 0 : 3));
-        }
+        if (own->is_hinge)
+            release_hinge(screw, added);
+        else
+            release_any(w, own, screw, added);
         if (n_groups)
             release_groups(w, (int)(own - w->link), added);
         ncgen_put6(added, own->lane, WRENCH);
