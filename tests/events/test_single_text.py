@@ -31,6 +31,8 @@ RULES = {
     "conditions of loads": (r"most \+ side|square \+ \(total", ""),
     "pieces of a curve": (r"knots\[middle\]", "ncgen_math.h"),
     "forces of joints": (r"push \+= [^\n]*->ratios", "ncgen_tree_solve.c"),
+    "steps of a fixed length": (r"rtol > 0 \|\|", "ncgen_method.c"),
+    "positive definite systems": (r"\[k \* size \+ k\] > 0", "ncgen_positive.h"),
     "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
 }
 """{rule: words that its text has, the file that has it, or two; none where C receives it from the model}"""

@@ -29,11 +29,7 @@ REASONS = {
         "newton": "the most steps whose derivatives are carried along",
     },
     "package/dynamics.c.jinja": {"eliminat": "the plan by which the runtime eliminates, as data"},
-    "package/joints/joints.c.jinja": {
-        "newton": "joints have no runtime: it closes loops over them",
-        "factored": "likewise: the mass matrix of the joints",
-        "solve": "likewise",
-    },
+    "package/joints/joints.c.jinja": {"solve": "calls of the runtime's solution, in headers that come with the file"},
 }
 """{file: {word: why it may be in its code}}."""
 

@@ -267,6 +267,13 @@ static int choose_form(ncgen_run *r, ncgen_scalar t)
     }
     w->uses_matrix = !(w->pivot_growth < ncgen_pivot_growth_limit(r, soon_bad));
     r->projects_stages = !(w->pivot_growth < usual);
+    if (w->uses_matrix && w->redundant && w->is_prepared) {
+        const int status = ncgen_constrained_matrices(r, t);
+        if (status != NCGEN_OK)
+            return status;
+        w->has_phi_q = 0;
+        ncgen_constrained_rows(r, 0);
+    }
     return NCGEN_OK;
 }
 

@@ -1,6 +1,7 @@
 /* ncgen_explicit.c: explicit Runge-Kutta methods: with error control and dense output, or with a fixed step. */
 #include "ncgen_explicit.h"
 #include "ncgen_constrained.h"
+#include "ncgen_method.h"
 #include "ncgen_stiffness.h"
 
 enum { REPEAT_LIMIT = 8 };
@@ -246,8 +247,7 @@ int ncgen_explicit(ncgen_run *r, ncgen_stepping *w)
         status = ncgen_grid_begin(r, w);
     if (status != NCGEN_OK)
         return status;
-    const int is_fixed = method->n_errors == 0 || !(r->options->rtol > 0 || r->options->atol > 0);
-    if (is_fixed)
+    if (ncgen_is_fixed_explicit(r->options))
         return run_fixed(r, w, method);
     if (ncgen_begins_stiff(r, w, method)) {
         r->statistics->stiff += 1;

@@ -7,6 +7,7 @@
  */
 #include "ncgen_lu.h"
 #include "ncgen_partitioning.h"
+#include "ncgen_positive.h"
 
 /* An amplification that leaves no digit of the solution. */
 static const ncgen_scalar max_amplification = R(1.0e30);

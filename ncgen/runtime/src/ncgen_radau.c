@@ -259,6 +259,7 @@ static int begin_anew(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t)
     m->factored = 0;
     m->last_step = 0;
     m->last_error = 0;
+    m->failed_step = 0;
     return status;
 }
 
@@ -351,8 +352,7 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             if (++repeats > REPEAT_LIMIT || (all > ALL_REPEATS_LIMIT && all > r->statistics->steps / 2))
                 return trouble;
             r->uses_exchanges = repeats > 1; /* again: it may be rounding */
-            m->factored = 0;
-            h *= R(0.5);
+            h = ncgen_halved_step(m, h);
             continue;
         }
         const ncgen_scalar safety = R(0.9) * (2 * ITERATION_LIMIT + 1) / (ncgen_scalar)(2 * ITERATION_LIMIT + m->iterations);
@@ -370,7 +370,7 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         repeats = rejected = m->is_current = 0;
         m->last_step = h;
         m->last_error = error;
-        const ncgen_scalar t_new = last ? goal : t + h, growth = factor > R(10.0) ? R(10.0) : factor;
+        const ncgen_scalar t_new = last ? goal : t + h, most = ncgen_most_growth(m, h), growth = factor > most ? most : factor;
         status = ncgen_grid_step(r, w, t, t_new);
         if (status != NCGEN_OK || r->statistics->stopped)
             return status;

@@ -35,33 +35,6 @@ ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *siz
     return largest;
 }
 
-int ncgen_solve_positive(int size, ncgen_real *a, ncgen_real *right)
-{
-    for (int k = 0; k < size; ++k) {
-        if (!(a[k * size + k] > 0))
-            return NCGEN_SINGULAR;
-        for (int i = k + 1; i < size; ++i) {
-            const ncgen_real share = a[i * size + k] / a[k * size + k];
-            for (int j = k + 1; j <= i; ++j)
-                a[i * size + j] -= share * a[j * size + k];
-        }
-    }
-    ncgen_solve_positive_again(size, a, right);
-    return NCGEN_OK;
-}
-
-void ncgen_solve_positive_again(int size, const ncgen_real *a, ncgen_real *right)
-{
-    for (int k = 0; k < size; ++k)
-        for (int i = k + 1; i < size; ++i)
-            right[i] -= a[i * size + k] / a[k * size + k] * right[k];
-    for (int k = size - 1; k >= 0; --k) {
-        for (int i = k + 1; i < size; ++i)
-            right[k] -= a[i * size + k] * right[i];
-        right[k] /= a[k * size + k];
-    }
-}
-
 /* Numbers in a row that are added up together, in vectors of the processor where it has them. */
 enum { TOGETHER = 8 };
 
