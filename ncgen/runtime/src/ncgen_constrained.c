@@ -22,8 +22,8 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     r->constrained = w;
     w->iterated = r->options->formalism == NCGEN_AUGMENTED_LAGRANGIAN || (d->singular_mass && r->options->formalism != NCGEN_PENALTY);
     r->ny = r->error_size = 2 * r->n + 1;
-    r->q = ncgen_take(space, r->n);
-    r->qd = ncgen_take(space, r->n);
+    r->qd = ncgen_take(space, 2 * r->n); /* as in y */
+    r->q = r->qd ? r->qd + r->n : NULL;
     w->n_mass = ncgen_nonzeros(&r->model->mass_pattern);
     w->n_phi_q = ncgen_nonzeros(&r->model->phi_q_pattern);
     ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q, space);
@@ -209,6 +209,17 @@ void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *
         ncgen_tree_velocities(r, &w->tree, t, q, qd, out);
 }
 
+int ncgen_recursive_projected(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
+{
+    const ncgen_motion *motion = r->constrained->motion;
+    const int comes_along = motion && motion->projected && ncgen_read_inputs(r, t) == NCGEN_OK;
+    if (comes_along)
+        motion->projected(t, q, qd, r->p, out);
+    else
+        ncgen_recursive_velocities(r, t, q, qd, out);
+    return comes_along;
+}
+
 void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
 {
     ncgen_constrained *w = r->constrained;
@@ -256,6 +267,21 @@ static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
     return 1;
 }
 
+int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd)
+{
+    ncgen_constrained *w = r->constrained;
+    const int n = r->n;
+    if (!w->came_along || ncgen_has_pivot_growth(r, w->emitted[n]))
+        return 0;
+    w->pivot_growth = w->emitted[n];
+    w->is_factored = w->has_phi_q = 0;
+    r->statistics->evaluations += 1;
+    ncgen_copy(n, w->emitted + n + 1, yd);
+    ncgen_copy(n, w->emitted, yd + n);
+    yd[2 * n] = w->emitted[2 * n + 1];
+    return 1;
+}
+
 /* Which way the next step goes: all of its stages the same, since off the constraints, where they are, the two differ. */
 static int choose_form(ncgen_run *r, ncgen_scalar t)
 {
@@ -281,8 +307,7 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
-    ncgen_copy(n, y, r->qd);
-    ncgen_copy(n, y + n, r->q);
+    ncgen_copy(2 * n, y, r->qd);
     w->is_factored = !w->is_recursive || w->uses_matrix || !by_recursion(r, t, yd);
     if (!w->is_factored) {
         w->has_phi_q = 0;

@@ -15,11 +15,11 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
     w->repeated = w->stiff = w->not_stiff = w->tiny = 0;
 }
 
-/* new_y onto the constraints; at the end of a step the statistics get how far it was moved. */
-static int project_state(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, int is_end)
+/* The derivative of new_y, brought onto the constraints; at the end of a step the statistics get how far it was moved. */
+static int projected_derivative(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, int is_end, ncgen_real *yd)
 {
     const ncgen_real largest = r->statistics->largest_projection;
-    const int status = r->project_state(r, t, w->new_y, w->repeated);
+    const int status = ncgen_end_derivative(r, t, w->new_y, w->repeated, yd);
     if (!is_end)
         r->statistics->largest_projection = largest;
     return status;
@@ -72,11 +72,12 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
         ncgen_advance_by_stages(r, w, h, s, method->a[s], w->new_y);
         if (tape)
             tape_stage(r, method, s, w->new_y);
-        int status = ncgen_report_attempt(r, t + method->c[s] * h);
-        if (status == NCGEN_OK && (s == last || projects) && r->project_state)
-            status = project_state(r, w, t + method->c[s] * h, s == last);
-        if (status == NCGEN_OK)
-            status = r->derivative(r, t + method->c[s] * h, w->new_y, ncgen_stage_derivative(r, w, s));
+        const ncgen_scalar at = t + method->c[s] * h;
+        int status = ncgen_report_attempt(r, at);
+        if (status == NCGEN_OK && (s == last || projects))
+            status = projected_derivative(r, w, at, s == last, ncgen_stage_derivative(r, w, s));
+        else if (status == NCGEN_OK)
+            status = r->derivative(r, at, w->new_y, ncgen_stage_derivative(r, w, s));
         if (status != NCGEN_OK)
             return status;
     }

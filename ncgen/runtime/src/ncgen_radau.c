@@ -234,9 +234,7 @@ static ncgen_real step_factor(const ncgen_implicit *m, ncgen_scalar h, ncgen_rea
 /* A converged step whose error is small enough becomes the state. */
 static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
 {
-    int status = r->project_state ? r->project_state(r, t + h, w->new_y, 0) : NCGEN_OK;
-    if (status == NCGEN_OK)
-        status = r->derivative(r, t + h, w->new_y, w->stage_derivatives + r->ny);
+    const int status = ncgen_end_derivative(r, t + h, w->new_y, 0, w->stage_derivatives + r->ny);
     if (status != NCGEN_OK)
         return status;
     if (!ncgen_is_finite(r->ny, w->new_y) || !ncgen_is_finite(r->ny, w->stage_derivatives + r->ny))

@@ -196,6 +196,11 @@ int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
     return r->accept ? r->accept(r, t) : NCGEN_OK;
 }
 
+int ncgen_end_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd)
+{
+    return r->project_state ? r->project_state(r, t, y, precise, yd) : r->derivative(r, t, y, yd);
+}
+
 /* How many fixed steps of at most max_step make up a span; 0 if a number cannot count them. */
 ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span)
 {
