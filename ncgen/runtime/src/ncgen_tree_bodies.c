@@ -1,4 +1,4 @@
-/* ncgen_tree_bodies.c: see ncgen_tree_bodies.h. What is said of a number here holds for one of every link of a block. */
+/* ncgen_tree_bodies.c: see ncgen_tree_bodies.h. A number here is one of every link of a block. */
 #include "ncgen_tree_bodies.h"
 
 typedef ncgen_link_lanes lanes;
