@@ -33,6 +33,8 @@ RULES = {
     "forces of joints": (r"push \+= [^\n]*->ratios", "ncgen_tree_solve.c"),
     "steps of a fixed length": (r"rtol > 0 \|\|", "ncgen_method.c"),
     "positive definite systems": (r"\[k \* size \+ k\] > 0", "ncgen_positive.h"),
+    "contacts that come to rest": (r"missed \* |missed_speed|unseen_sliding\(", "ncgen_sliding.c"),
+    "in which direction a contact slides": (r"slides_not|sign\(-force|largest_so_far", "ncgen_active.h ncgen_active.c ncgen_sliding.c"),
     "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
 }
 """{rule: words that its text has, the file that has it, or two; none where C receives it from the model}"""
