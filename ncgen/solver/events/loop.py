@@ -107,6 +107,7 @@ class EventLoop:
         part_task = replace(
             task, grid=np.concatenate([[at.t] * fresh, ahead]), movable=extra_times, q=at.q, velocities=at.qd, p=at.p,
             conditions=conditions, rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
+            inspected=None, kin=None,
         )  # fmt: skip
         try:
             return self.engine(segment, self.mode, part_task)
@@ -156,7 +157,7 @@ class EventLoop:
     def _rows_at_end(self) -> None:
         """The last row of the grid is that of the event itself."""
         rest, at = len(self.task.grid) - len(self.path.q), self.at
-        self.path.extend(np.repeat(at.q[None], rest, axis=0), np.repeat(at.qd[None], rest, axis=0), [self.work] * rest, [0] * 5)
+        self.path.extend(np.repeat(at.q[None], rest, axis=0), np.repeat(at.qd[None], rest, axis=0), np.full(rest, self.work))
 
     def _finish(self) -> None:
         """End the path here."""
