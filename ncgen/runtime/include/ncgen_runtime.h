@@ -270,6 +270,18 @@ typedef struct ncgen_tape {
                           * too: there is no derivative of that; 0: none did */
 } ncgen_tape;
 
+/* What rows of a run say against it once it has come to its end, whose inputs keep the values that p has: how far the energy T + V - W
+ * changes, and what velocities leave of phi_q qd = nu. */
+typedef struct ncgen_inspection {
+    int count;              /* rows, at least one */
+    const int *rows;        /* ascending */
+    int is_known;           /* 1: what follows is, and is finite */
+    ncgen_scalar energy;    /* T + V - W in the first row */
+    ncgen_scalar change;    /* the farthest that it is from there */
+    ncgen_scalar kinetic;   /* the largest T */
+    ncgen_scalar remainder; /* the largest of phi_q qd - nu, relative to row_sizes, where there are rolling conditions, or drivers move */
+} ncgen_inspection;
+
 typedef struct ncgen_options {
     int method;
     ncgen_scalar rtol;         /* with error control: error of a step, relative and absolute; both 0: there is none, as of methods with a */
@@ -298,6 +310,7 @@ typedef struct ncgen_options {
     const int *movable;                   /* NULL, or one a time: 1 where a row may have the state of the end of its step, if no other row needs an */
     ncgen_scalar *row_times;              /* interpolant there; times of the rows: filled in by the caller, changed where a row was moved */
     ncgen_parameter_rule *parameter_rule; /* NULL: parameters keep their values, inputs aside */
+    ncgen_inspection *inspection;         /* NULL: nobody asks */
 } ncgen_options;
 
 typedef struct ncgen_statistics {

@@ -26,7 +26,7 @@ from ncgen.solver.runs.tolerances import Tolerances
 
 if TYPE_CHECKING:
     from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-    from ncgen.mechanism.prepared_run import PreparedRun
+    from ncgen.mechanism.prepared_run import PreparedRun, RunCall
     from ncgen.mechanism.run_rows import Outcome
     from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
 from ncgen.solver.engines.acceleration_forms import all_coordinates
@@ -57,36 +57,16 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     Returns None, or why the run had to stop before the end of the grid: STIFFNESS_REASON where it was to end so. Raises DomainError where a
     term is not a number, ConvergenceError where steps become too short.
     """
-    method, grid, number, p = task.method, task.grid, task.number, task.p
-    dynamics = all_coordinates(kernels, number, form, method.integrator.name)
-    q, qd, work = task.q, task.velocities, 0.0
-    if dynamics.singular_mass and not dynamics.is_emitted and not task.first_step:
-        # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
-        # the step of a part before it has been checked.
-        key = q.tobytes(), float(grid[0]), p.tobytes()
-        kernels.remember("inertia of all motions", key, lambda: _all_have_inertia(kernels, q, float(grid[0]), p), REMEMBERED)
+    method, grid, p, work = task.method, task.grid, task.p, 0.0
     if len(path.q):
         q, qd, work = path.take_last()
-    begun = len(path.q)
-    times = grid[begun:] if begun else grid
-    done = _prepared(task, dynamics).simulate(
-        times,
-        InitialState(q, qd, p),
-        inputs=task.inputs_in_c(rule_of(kernels)),
-        monitor=Monitor(conditions=task.watched, progress=Progress(task.progress, kernels.name, task.arrival)),
-        movable=task.movable_from(begun),
-        rank=task.rank_at(kernels, q, times[0]),
-        errors=task.tolerances.errors,
-    )
+        begun = len(path.q)
+        call = _call(kernels, task, form, (begun, q, qd))
+    else:
+        begun, call = 0, task.calls.get((kernels, form)) or _whole_call(kernels, task, form)
+    done = call.simulate(Progress(task.progress, kernels.name, task.arrival))
     task.looked_at(begun, done.t)
-    all_work = done.work + work if work else done.work
-    path.extend(done.q, done.qd, all_work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
-    path.jacobians += done.jacobians
-    path.fallbacks += done.fallbacks
-    path.stiff += done.stiff
-    path.projections += done.steps if method.in_c["project"] else 0
-    path.largest_projection = max(path.largest_projection, done.largest_projection)
-    path.crossed, path.next_step = done.crossed, done.next_step
+    path.take_run(done, work, bool(method.in_c["project"]))
     if done.stopped:
         path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
     if done.status == "ok":
@@ -104,6 +84,42 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
             "comes to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
+
+
+def _whole_call(kernels: Kernels, task: Task, form: Form) -> RunCall:
+    """All of a task over all coordinates in C, kept with it for when it comes again."""
+    if task.kin is None:
+        call = _call(kernels, task, form, (0, task.q, task.velocities))
+    else:
+        call = (task.kin.calls.get((kernels, form)) or _whole_call(kernels, task.kin, form)).with_velocities(task.velocities)
+    task.calls[kernels, form] = call
+    return call
+
+
+def _call(kernels: Kernels, task: Task, form: Form, begun: tuple[int, np.ndarray, np.ndarray]) -> RunCall:
+    """The rest of a task over all coordinates in C, but for what it may be looked at by.
+
+    begun: the number of the instant at which it goes on, position and velocities then
+    """
+    dynamics = all_coordinates(kernels, task.number, form, task.method.integrator.name)
+    row, q, qd = begun
+    times, p = task.grid[row:], task.p
+    if dynamics.singular_mass and not dynamics.is_emitted and not task.first_step:
+        # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
+        # the step of a part before it has been checked.
+        start, t = task.q, float(task.grid[0])
+        key = start.tobytes(), t, p.tobytes()
+        kernels.remember("inertia of all motions", key, lambda: _all_have_inertia(kernels, start, t, p), REMEMBERED)
+    return _prepared(task, dynamics).call(
+        times,
+        InitialState(q, qd, p),
+        inputs=task.inputs_in_c(rule_of(kernels)),
+        conditions=task.watched,
+        movable=task.movable_from(row),
+        rank=task.rank_at(kernels, q, times[0]),
+        errors=task.tolerances.errors,
+        inspected=None if row else task.inspected,
+    )
 
 
 def _prepared(task: Task, dynamics: ConstrainedDynamics) -> PreparedRun:

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ncgen.mechanism.run_rows import Inspection
 from ncgen.methods.method import Method
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.solver.trajectories.energy import Instants, drift
+from ncgen.solver.trajectories.energy import Instants, drift, is_small
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 
@@ -27,8 +28,37 @@ MAX_RESIDUAL_OVER_RTOL = 100.0
 VELOCITY_TOLERANCE = 1e-6
 """Share of what all rows' velocities add up to that a row may be off by, in double precision."""
 
+LEAST_DURATION = float(np.finfo(float).tiny)
+"""Seconds that do no harm as a divisor."""
+
 ROUNDINGS = 64.0
 """The same in roundings of a number type that has fewer digits."""
+
+
+def are_impossible(seen: Inspection | None, duration: float, tolerances: Tolerances, method: Method) -> bool:
+    """Whether nothing can speak against a motion of some length (s), as `doubts` has it, by what C saw of it at the same instants."""
+    if _has_feedback(method):
+        return False
+    if method.has_fixed_step:
+        return True
+    if seen is None or not is_small(seen.change, seen.energy, seen.kinetic, _limit(tolerances)):
+        return False
+    return seen.remainder <= VELOCITY_TOLERANCE * _slow(duration)
+
+
+def _has_feedback(method: Method) -> bool:
+    """Whether constraints are held by feedback alone, if at all."""
+    return method.options.get("stabilisation") in ("baumgarte", "none")
+
+
+def _limit(tolerances: Tolerances) -> float:
+    """The least relative change of energy that anything is said about."""
+    return min(MAX_ENERGY_CHANGE, math.sqrt(tolerances.rtol))
+
+
+def _slow(duration: float) -> float:
+    """Velocities (sizes of the mechanism per second) that move nothing by a share of its size in a run of some length (s)."""
+    return VELOCITY_TOLERANCE / max(duration, LEAST_DURATION)
 
 
 def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: Method) -> list[str]:
@@ -37,10 +67,10 @@ def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: 
     instants: at which the energy was looked at, the ends of the run included; tolerances: that were kept
     """
     rtol = tolerances.rtol
-    feedback = method.options.get("stabilisation") in ("baumgarte", "none")
+    feedback = _has_feedback(method)
     reasons = [] if feedback or method.has_fixed_step else _contradiction(run, instants)
     unseen = WORK_ERRORS * tolerances.atol if any(instants.works()) else 0.0
-    change = drift(run.kernels, instants, run.p, unseen, limit=min(MAX_ENERGY_CHANGE, math.sqrt(rtol)))
+    change = drift(run.kernels, instants, run.p, unseen, limit=_limit(tolerances))
     if feedback and change > MAX_ENERGY_CHANGE:
         reasons.append(
             f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
@@ -81,11 +111,7 @@ def _contradiction(run: Trajectory, instants: Instants) -> list[str]:
     if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:
         return []
     rounding = float(np.finfo(NUMBERS[run.number].dtype).eps)
-    worst, reasons, slow = (
-        max(VELOCITY_TOLERANCE, ROUNDINGS * rounding),
-        [],
-        VELOCITY_TOLERANCE / max(instants.t[-1] - instants.t[0], np.finfo(float).tiny),
-    )
+    worst, reasons, slow = max(VELOCITY_TOLERANCE, ROUNDINGS * rounding), [], _slow(instants.t[-1] - instants.t[0])
     for t, q, qd in zip(instants.t, instants.q, instants.qd, strict=True):
         nu = kernels.nu(q, t, p)
         if len(kernels.holonomic) == kernels.m and not np.any(nu):
