@@ -20,7 +20,7 @@ ncgen_real ncgen_norm(int count, const ncgen_real *x)
     return NCGEN_SQRT(ncgen_dot(count, x, x));
 }
 
-/* Each of these lanes has a largest number of its own, and a sum that is 0 unless one of its numbers is none. */
+/* Each lane has a largest number of its own, and a sum that is 0 unless one of its numbers is infinite or NaN. */
 ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *sizes)
 {
     enum { LANES = 4 };
