@@ -78,7 +78,7 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
         if (status == NCGEN_OK && (s == last || projects))
             status = projected_derivative(r, w, at, s == last, ncgen_stage_derivative(r, w, s));
         else if (status == NCGEN_OK)
-            status = r->derivative(r, at, w->new_y, ncgen_stage_derivative(r, w, s));
+            status = r->stage_derivative(r, at, w->new_y, ncgen_stage_derivative(r, w, s));
         if (status != NCGEN_OK)
             return status;
     }
