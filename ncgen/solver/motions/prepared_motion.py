@@ -177,7 +177,7 @@ class PreparedMotion:
             return plan
         run, start, kernels, is_constrained = self.run, self.start, self.kernels, choice.method.is_constrained
         is_new = kernels.backend != "c" or (start.partitions and run.settings.engine in EMITTED)  # which may be refused
-        if self._kin and not is_new:
+        if self._kin and is_constrained and not is_new:
             common = self._kin.plan(choice)
             plan = self._plans[choice] = common._replace(task=common.task.with_velocities(start.qd))
             return plan
@@ -186,7 +186,7 @@ class PreparedMotion:
         task = common.task.begun(
             grid=self.rows.times,
             q=start.q,
-            velocities=start.qd,
+            velocities=start.qd if is_constrained or choice is not self.choice else start.rates,
             p=start.p,
             stop=run.stop,
             signals=run.signals,
