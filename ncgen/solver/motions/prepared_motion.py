@@ -102,11 +102,11 @@ class PreparedMotion:
 
     @classmethod
     def _of_run(cls, kernels: Kernels, run: Run) -> PreparedMotion:
-        """Of a run as it was asked for; of equal settings, grids and starts the same object."""
-        if run.stop or run.signals or not run.grid.is_small:
+        """Of a run as it was asked for; of equal settings, grids, stops and starts the same object."""
+        if run.signals or not run.grid.is_small:
             return cls(kernels, run)
         start = start_of(kernels, run.initial, not choose(run.settings).method.is_constrained)
-        key = kernels, kernels.effort, run.settings, run.grid, start
+        key = kernels, kernels.effort, run.settings, run.grid, run.stop, start
         return kernels.remember("motions from starts", key, lambda: cls(kernels, run), REMEMBERED)
 
     def with_velocities(self, zd0: ArrayOrNamed | None, qd0: ArrayOrNamed | None) -> PreparedMotion:
