@@ -229,6 +229,7 @@ ADDRESSES = {
     "mechanism/moving.py": "MovingRows: addresses of rows of arrays that it makes, which go into structs of its own",
     "mechanism/direct.py": "arrays on memory that C has made, of the size that it was made with",
     "archives.py": "arrays on bytes of a file, which know their length",
+    "exchange/robots/mjcf_kept.py": "arrays on bytes of the cache, which know their length",
     "exchange/xla.py": "arrays on memory of JAX, which has checked their shapes",
     "solver/motions/batch.py": "whether two arrays lie in one place; goes nowhere",
 }

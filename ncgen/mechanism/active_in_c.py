@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime_library import interface_of, runtime_of
+from ncgen.mechanism.sliding_in_c import SlidingContact
 from ncgen.toolchain.abi import InC
 
 if TYPE_CHECKING:
@@ -18,11 +20,6 @@ if TYPE_CHECKING:
 Kind = Literal[
     "NCGEN_HOLDS_GAP", "NCGEN_HOLDS_RUBBING_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_CONTACT", "NCGEN_HOLDS_RATCHET", "NCGEN_HOLDS_LOCK"
 ]  # fmt: skip
-
-Slide = Literal["NCGEN_SLIDES_NOT", "NCGEN_BEGINS", "NCGEN_SLIDES_ON", "NCGEN_SLIDES_AS_BEFORE"]
-
-SLIDES: tuple[Slide, ...] = ("NCGEN_SLIDES_NOT", "NCGEN_BEGINS", "NCGEN_SLIDES_ON", "NCGEN_SLIDES_AS_BEFORE")
-"""How contacts slide, in C."""
 
 MASKS = ("before", "happened", "rests", "closed", "still", "wanted", "released")
 
@@ -80,10 +77,11 @@ class Active:
         """Note that a contact that is still would begin to slide against others that were released."""
         self.still[number] = self._library.NCGEN_OPPOSED
 
-    def slide(self, number: int, released: bool, moves: bool) -> Slide:
-        """How a contact slides; released: whether it is known in which direction it was; moves: whether it has a velocity."""
-        code = self._library.ncgen_slide_of(self._struct, number, int(released), int(moves))
-        return next(name for name in SLIDES if code == getattr(self._library, name))
+    def turn(self, number: int, slip: np.ndarray, slide: SlidingContact, way: np.ndarray, mobility: float, speed: float) -> np.ndarray:
+        """The direction (d,) in which a contact slides from now on, and so far slip (d,); others as of `ncgen_write_slip`."""
+        made, ways = (self._ffi.new("double[]", numbers.tolist()) for numbers in (slip, way))
+        self._library.ncgen_write_slip(slide.in_c, self._struct, number, ways, mobility, speed, 0, made)
+        return np.array(self._ffi.unpack(made, len(slip)))
 
     def change(self, number: int) -> int | None:
         """What has become of something: 0 where it is held from now on, 1 where it no longer is, 2 where it slips to the other side."""
@@ -102,6 +100,14 @@ def direction_of(kind: Kind, held: bool, touches: bool, slip: int, direction: in
     """
     library = runtime_of("double", "events")
     return int(library.ncgen_way_of(getattr(library, kind), held, touches, slip, direction))
+
+
+@cache
+def sides_of(kind: Kind) -> tuple[int, ...]:
+    """Of each condition of the load of something that is held: to which side it is released where the condition no longer holds."""
+    library = runtime_of("double", "events")
+    code = getattr(library, kind)
+    return tuple(library.ncgen_side_of(code, number) for number in range(library.ncgen_loads_of(code)))
 
 
 def is_still(velocity: float, terms: float, drift: float = 0.0) -> bool:

@@ -82,7 +82,7 @@ def writable(array: object, shape: tuple[int, ...], label: str, other_arrays: It
 
 def laid(values: ArrayLike, dtype: DTypeLike, count: int, label: str) -> np.ndarray:
     """Real numbers (…, count) as C reads them: contiguous, of its type. Raises NcgenError as `sized` does."""
-    if type(values) is np.ndarray and values.dtype == dtype and values.flags.carray and values.shape[-1:] == (count,):
+    if type(values) is np.ndarray and values.dtype == dtype and _is_laid(values.flags) and values.shape[-1:] == (count,):
         return values
     return np.ascontiguousarray(sized(values, count, label), dtype=dtype)
 

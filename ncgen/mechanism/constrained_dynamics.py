@@ -14,11 +14,10 @@ from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_check import serves
 from ncgen.mechanism.motion_sources import Seen, filled_motion, motion_source
-from ncgen.mechanism.prepared_run import PreparedRun
+from ncgen.mechanism.prepared_run import PreparedRun, RunCall
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.recall import Files, shared
 from ncgen.mechanism.run_arguments import InitialState
-from ncgen.mechanism.run_rows import Outcome
 from ncgen.mechanism.runtime import Dynamics
 from ncgen.mechanism.runtime_library import Part, compiling_thread, load_with_headers, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
@@ -144,13 +143,13 @@ class ConstrainedDynamics(Dynamics):
 class _PreparedTwice(PreparedRun):
     """Runs whose steps are iterated without tangents, which next to singular positions does not converge: then they are taken with them."""
 
-    def simulate(self, times: Sequence[float] | np.ndarray, initial: InitialState, **numbers: Any) -> Outcome:
-        done = super().simulate(times, initial, **numbers)
-        return self._with_tangents.simulate(times, initial, **numbers) if done.status == "not converged" else done
+    def call(self, times: Sequence[float] | np.ndarray, initial: InitialState, **numbers: Any) -> RunCall:
+        """As of any prepared run."""
+        return super().call(times, initial, fallback=lambda start: self._with_tangents.call(times, start, **numbers), **numbers)
 
     @cached_property
     def _with_tangents(self) -> PreparedRun:
-        return PreparedRun(self._dynamics, self._method, self._given, newton=True)
+        return PreparedRun(self.dynamics, self._method, self._given, newton=True)
 
 
 def _loaded_motion(kernels: Kernels, number: str, source: FilledSources) -> tuple[Interface, Callable[[], InC], InC] | None:

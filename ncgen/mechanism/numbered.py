@@ -7,7 +7,7 @@ of these comparisons has another outcome for the numbers of a model, its code is
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -41,13 +41,14 @@ class KeptCode(NamedTuple):
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Structured:
     """A mechanism as one of its structure. emission: as of `ncgen.generate`; key: what it is kept under with its numbers, None where
-    nothing tells it from others; digest, numbers: as of `TracedModel`."""
+    nothing tells it from others; digest, numbers: as of `TracedModel`; unfit: kinds of which `recall` found what other numbers need."""
 
     model: Model
     emission: str
     key: str | None
     digest: str
     numbers: list[float]
+    unfit: set[str] = field(default_factory=set, init=False)
 
     @cached_property
     def traced(self) -> TracedModel:
@@ -67,6 +68,8 @@ class Structured:
         """What was kept of a kind for these numbers, or for others where it holds for these, too. only_exact: not for others; is_traced:
         with traced numbers, from which more can be generated."""
         general, exact = self._keys(kind)
+        if only_exact:
+            self.unfit.add(kind)
         for key in (exact,) if only_exact else (general, exact):
             entry = kept(recall.KIND, key)
             if entry is None:
@@ -77,16 +80,17 @@ class Structured:
             if values is not None:
                 more = recall.restored(plain, Trace(operations) if is_traced else None, values)
                 return KeptCode(more, FilledSources(files, None if table is None else [values[k] for k in table], made_for == exact))
+            self.unfit.add(kind)
         return None
 
     def remember(self, kind: str, more: Any, files: Files, table: NumberTable | None, is_general: bool = True) -> FilledSources:
-        """Keep what was generated from traced equations: for the structure, or for these numbers alone where something else is kept for
-        the structure already, or where it is not general."""
+        """Keep what was generated from traced equations: for the structure, or for these numbers alone where `recall` found something else
+        for the structure, or where it is not general."""
         trace = self.traced.trace
         operations = None if table is None else [trace.operation(value) for value in table.entries]
         general, exact = self._keys(kind)
         entry = (exact, recall.plain(more), files, operations, trace.operations, trace.comparisons if is_general else [])
-        keep(recall.KIND, general if is_general and kept(recall.KIND, general) is None else exact, entry, recall.MAX_ENTRY_BYTES)
+        keep(recall.KIND, general if is_general and kind not in self.unfit else exact, entry, recall.MAX_ENTRY_BYTES)
         return FilledSources(files, None if table is None else [float(value) for value in table.entries], True)
 
     def _keys(self, kind: str) -> tuple[str, str]:

@@ -12,6 +12,9 @@ from ncgen.program.ir.cost import cost
 SINGULAR = 1e-9
 """A mass matrix is taken as singular where elimination leaves less than this of an entry of its diagonal."""
 
+MOST_DENSE = 400
+"""Coordinates up to which the whole mass matrix is factored, in 3 ms: importing SciPy's sparse matrices would take 0.1 s."""
+
 
 def is_definite(kernels: Kernels) -> bool:
     """True if every motion of the coordinates has inertia, constraints apart, at the initial position."""
@@ -21,12 +24,22 @@ def is_definite(kernels: Kernels) -> bool:
     diagonal = np.bincount(rows, values * (rows == columns), kernels.n)
     if not np.all(diagonal > 0):
         return False
-    mass = scipy.sparse.csc_array((values, columns, pattern.indptr), pattern.shape)  # it is symmetric
+    if kernels.n <= MOST_DENSE:
+        mass = np.zeros(pattern.shape)
+        mass[rows, columns] = values
+        try:
+            return bool(np.all(np.linalg.cholesky(mass).diagonal() ** 2 > SINGULAR * diagonal))
+        except np.linalg.LinAlgError:
+            return False
+    return _is_definite_sparse(scipy.sparse.csc_array((values, columns, pattern.indptr), pattern.shape))  # it is symmetric
+
+
+def _is_definite_sparse(mass: scipy.sparse.csc_array) -> bool:
     try:
         factors = scipy.sparse.linalg.splu(mass, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:  # SuperLU's word for an exactly singular matrix
         return False
-    return bool(np.all(factors.U.diagonal() > SINGULAR * diagonal[np.argsort(factors.perm_c)]))
+    return bool(np.all(factors.U.diagonal() > SINGULAR * mass.diagonal()[np.argsort(factors.perm_c)]))
 
 
 def is_conservative(kernels: Kernels) -> bool:

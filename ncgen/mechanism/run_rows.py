@@ -2,38 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
+from typing import NamedTuple
 
 import numpy as np
 
 from ncgen.mechanism.arguments import pointer
 from ncgen.toolchain.abi import InC, Interface, Number
 
+FLOAT = np.dtype(float)
+
+
+class Inspection(NamedTuple):
+    """What rows of a run say against it, as of `ncgen_inspection`.
+
+    energy: T + V − W in the first of them (J); change: the farthest that it is from there; kinetic: the largest T
+    remainder: of Φ_q q̇ − ν, the largest of all rows, relative to their sizes
+    """
+
+    energy: float
+    change: float
+    kinetic: float
+    remainder: float
+
 
 class RunRows:
     """Room for K rows of n coordinates and for the last state, behind them.
 
     work (K + 1,), states (2, K + 1, n): positions and velocities, once they are doubles
-    in_c: where C writes positions, velocities and work; t_in_c: the same of times; asked_in_c: where it reads times
+    in_c: where C writes positions, velocities and work; t_in_c: the same of times, which are those that were asked for until then
     block: all of them, times first
     """
 
-    def __init__(self, ffi: Interface, number: Number, times: Sequence[float] | np.ndarray, n: int) -> None:
+    def __init__(self, ffi: Interface, number: Number, times: np.ndarray, n: int) -> None:
+        """times: of C's type"""
         rows, count = len(times), len(times) + 1
-        self._n, self._count, self.block = n, count, np.empty(count * (2 * n + 3), number.dtype)
-        last_block = count * (2 * n + 2)
-        self.block[:rows] = self.block[last_block : last_block + rows] = times
-        start = pointer(ffi, self.block, number.array)
-        self.t_in_c, self.asked_in_c = start, start + last_block
+        self._n, self._count, self.block = n, count, np.empty(count * (2 * n + 2), number.dtype)
+        self.block[:rows] = times
+        self.t_in_c = start = pointer(ffi, self.block, number.array)
         self.in_c: tuple[InC, InC, InC] = start + 2 * count, start + (2 + n) * count, start + count
 
     def as_doubles(self) -> None:
         """Convert what C wrote."""
         count = self._count
-        if self.block.dtype != float:
+        if self.block.dtype is not FLOAT:
+            self.block[count - 1] = 0  # a time that nobody reads, nor writes
             self.block = self.block.astype(float)
-        self.work, self.states = self.block[count : 2 * count], self.block[2 * count : (2 + 2 * self._n) * count].reshape(2, count, self._n)
+        self.work, self.states = self.block[count : 2 * count], self.block[2 * count :].reshape(2, count, self._n)
 
 
 class Outcome:
@@ -42,16 +57,19 @@ class Outcome:
     t (rows,) in s: their times, those asked for but for movable; q, qd (rows, n); work (rows,); status "ok" or the reason
     stiff: how often it was found stiff; next_step (s): what an explicit method with error control would try next
     raised: what ended the run from outside, or None; crossed: numbers of the conditions at which it stopped
+    inspection: of a run that was inspected, and came to its end
     """
 
-    def __init__(
-        self, rows: RunRows, done: int, status: str, statistics: InC, raised: BaseException | None, crossed: tuple[int, ...]
-    ) -> None:  # fmt: skip
+    raised: BaseException | None = None
+    crossed: tuple[int, ...] = ()
+    inspection: Inspection | None = None
+
+    def __init__(self, rows: RunRows, done: int, status: str, statistics: InC) -> None:
         """done: how many rows C wrote; statistics: an ncgen_statistics"""
         rows.as_doubles()
         self.t, self.work, states = rows.block[:done], rows.work[:done], rows.states
         self.q, self.qd = states[0, :done], states[1, :done]
-        self.status, self.raised, self.crossed = status, raised, crossed
+        self.status = status
         self.steps: int = statistics.steps
         self.evaluations: int = statistics.evaluations
         self.newton_steps: int = statistics.newton_steps

@@ -19,10 +19,8 @@ MAX_KEPT_NUMBERS = 2**17
 
 
 class SpaceSizes(NamedTuple):
-    """Of one state derivative: parameters, coordinates, whole numbers of a workspace, and unknowns that a stage eliminates."""
+    """Of one state derivative: whole numbers of a workspace, and unknowns that a stage eliminates."""
 
-    n_parameters: int
-    n_coordinates: int
     n_integers: int
     n_eliminated: int
 
@@ -30,37 +28,32 @@ class SpaceSizes(NamedTuple):
 class RunSpace:
     """Of one state derivative.
 
-    options: an ncgen_options; dynamics: an ncgen_dynamics; rows: an int; integers: of the workspace
-    start: where C reads parameters, position and velocities; listener: whom the options call
+    options: an ncgen_options; dynamics: an ncgen_dynamics; rows: an int; inspection: an ncgen_inspection; integers: of the workspace
+    listener: whom the options call
+    numbers_in_c: stands for the numbers in options and dynamics, None where they are those of one run alone
     """
+
+    numbers_in_c: object = None
 
     def __init__(self, ffi: Interface, number: Number, sizes: SpaceSizes) -> None:
         self._ffi, self._number = ffi, number
         self.options: InC = ffi.new("ncgen_options *")
         self.dynamics: InC = ffi.new("ncgen_dynamics *")
         self.rows: InC = ffi.new("int *")
+        self.inspection: InC = ffi.new("ncgen_inspection *")
         self.listener = Listener(None, sizes.n_eliminated)
         self._context = ffi.new_handle(self.listener)
         self._hear, self._bytes = watch(number.name), ffi.buffer(self.options)
         self.integers = pointer(ffi, np.empty(sizes.n_integers, dtype=np.intc), "int[]")
-        self._arrays = [np.empty(count, number.dtype) for count in (sizes.n_parameters, *2 * (sizes.n_coordinates,))]
-        self.start = tuple(pointer(ffi, each, number.array) for each in self._arrays)
         self._size, self._numbers = -1, ffi.NULL
 
-    def with_options(self, options: bytes) -> InC:
-        """Return an ncgen_options of these bytes with the listener's members."""
+    def take_options(self, options: bytes) -> None:
+        """Let the ncgen_options be of these bytes, with the listener's members."""
         self._bytes[:] = options
         made = self.options
         made.progress, made.context, made.attempts_left = self._hear, self._context, self.listener.attempts
-        return made
 
-    def put(self, p: np.ndarray, q: np.ndarray, velocities: np.ndarray) -> None:
-        """Let a run begin with these; velocities: of all coordinates, or of some."""
-        self._arrays[0][:] = p
-        self._arrays[1][:] = q
-        self._arrays[2][: len(velocities)] = velocities
-
-    def numbers(self, size: int) -> InC:
+    def room(self, size: int) -> InC:
         """Return room for so many numbers."""
         if size > self._size:
             self._size, self._numbers = size, pointer(self._ffi, np.empty(size, self._number.dtype), self._number.array)

@@ -138,7 +138,7 @@ class Dynamics:
     @cached_property
     def spaces(self) -> RunSpaces:
         """What runs that go on at the same time have to themselves."""
-        sizes = SpaceSizes(len(self.kernels.p0), self.kernels.n, self._n_integers, self._eliminated)
+        sizes = SpaceSizes(self._n_integers, self._eliminated)
         return RunSpaces(self._ffi, self.number, sizes)
 
     @property

@@ -37,16 +37,30 @@ def unseen_velocities(tolerances: tuple[float, float], step: float, sizes: np.nd
     return np.array([unseen(*tolerances, step, *each) for each in zip(sizes.tolist(), qd.tolist(), qdd.tolist(), strict=True)])
 
 
-def missed_speed(change: float) -> float:
-    """The sliding velocity (m/s) that steps may miss around rest, which unseen velocities change by so much."""
-    return float(_library().ncgen_missed_speed(change, 0))
+class SlidingContact:
+    """A contact that touches, at a moment, as of `ncgen_slide`.
 
+    velocity (d,): at which it slides (m/s), d being 1 in the plane and 2 in space; gradients (d, n): its derivatives by q̇; slip (d,): its
+    direction so far; sizes, unseen (n,): natural sizes of coordinates, and velocities that steps do not tell from none
+    """
 
-def first_length(deceleration: float, size: float, missed: float) -> float:
-    """How long the direction is in which a contact in space begins to slide."""
-    return float(_library().ncgen_first_length(deceleration, size, missed))
+    def __init__(self, velocity: np.ndarray, gradients: np.ndarray, slip: np.ndarray, sizes: np.ndarray, unseen: np.ndarray) -> None:
+        self.velocity, self.gradients, self.slip = velocity, gradients, slip
+        arrays = {"velocity": velocity, "gradients": gradients, "slip": slip, "sizes": sizes, "unseen": unseen}
+        self._ffi = interface_of("double")
+        self._arrays = {name: np.array(array, dtype=float) for name, array in arrays.items()}
+        members = {name: pointer(self._ffi, array) for name, array in self._arrays.items()}
+        self.in_c: InC = self._ffi.new("ncgen_slide *", members | {"n": len(sizes), "directions": len(velocity)})
 
+    def is_still(self, speed: float) -> bool:
+        """Whether it does not slide, but for rounding, at most this velocity in natural sizes being the greatest."""
+        return bool(_library().ncgen_slide_is_still(self.in_c, speed))
 
-def largest_slide(so_far: float, speed: float, terms: float) -> float:
-    """The largest velocity (m/s) that is known of a slide, by the one so far, the present one, and its terms."""
-    return float(_library().ncgen_largest_slide(so_far, speed, terms))
+    @property
+    def is_unseen(self) -> bool:
+        """Whether it is slower than steps may miss around rest."""
+        return bool(_library().ncgen_slide_is_unseen(self.in_c))
+
+    def along(self, way: np.ndarray, change: np.ndarray) -> float:
+        """How far a change of velocities (n,) goes along the direction (d,) in which it begins to slide."""
+        return float(_library().ncgen_along_slide(self.in_c, *(self._ffi.new("double[]", each.tolist()) for each in (way, change))))

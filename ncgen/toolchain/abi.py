@@ -44,6 +44,7 @@ HEADERS = (
     "ncgen_impulses.h",
     "ncgen_chain.h",
     "ncgen_active.h",
+    "ncgen_sliding.h",
 )
 """Headers of the runtime with types for Python, each after those that it needs."""
 

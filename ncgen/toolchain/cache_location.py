@@ -29,10 +29,10 @@ import platformdirs
 from ncgen.errors import CompileError
 from ncgen.files import contents, put
 
-CACHED_FOLDERS = ("programs", "generators", "interfaces", "references", "facts")
+CACHED_FOLDERS = ("programs", "generators", "interfaces", "references", "facts", "mjcf")
 """Folders beside the libraries, of what `keep` writes: generated programs (ncgen.mechanism.recall), digests of the generator
 (ncgen.mechanism.generator_identity), declarations (ncgen.toolchain.interfaces), end positions known well
-(ncgen.report.precision), the examples' degrees of freedom (ncgen.report.gallery)."""
+(ncgen.report.precision), the examples' degrees of freedom (ncgen.report.gallery), MuJoCo's models (ncgen.exchange.robots.mjcf_kept)."""
 
 TEMPORARY = "ncgen-building-"
 """What the names of unfinished things begin with; nobody looks into them."""

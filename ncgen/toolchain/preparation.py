@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ContextDecorator
 
 
 class _Clock(threading.local):
@@ -18,18 +17,22 @@ class _Clock(threading.local):
 _clock = _Clock()
 
 
-@contextmanager
-def preparing() -> Iterator[None]:
+class preparing(ContextDecorator):
     """Count the time within as preparation; what is within another one is counted once."""
-    if _clock.since is not None:
-        yield
-        return
-    _clock.since = time.perf_counter()
-    try:
-        yield
-    finally:
-        _clock.seconds += time.perf_counter() - _clock.since
-        _clock.since = None
+
+    def _recreate_cm(self) -> preparing:
+        """One of its own for every call of a function."""
+        return preparing()
+
+    def __enter__(self) -> None:
+        self._is_outer = _clock.since is None
+        if self._is_outer:
+            _clock.since = time.perf_counter()
+
+    def __exit__(self, *raised: object) -> None:
+        if self._is_outer and _clock.since is not None:
+            _clock.seconds += time.perf_counter() - _clock.since
+            _clock.since = None
 
 
 def preparation_seconds() -> float:

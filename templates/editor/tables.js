@@ -16,19 +16,7 @@ const along = (a, b) => a[0] * b[0] + a[1] * b[1];
 const named = (list, name) => list.find((each) => each.name === name);
 const place = (drawing, name) => { const p = named(drawing.points, name); return [p.x, p.y]; };
 
-// The convex hull of places, counterclockwise, without those on its sides.
-function hull(places) {
-  const sorted = [...places].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-  const half = (list) => {
-    const corners = [];
-    for (const p of list) {
-      while (corners.length > 1 && across(minus(corners.at(-1), corners.at(-2)), minus(p, corners.at(-2))) <= 0) corners.pop();
-      corners.push(p);
-    }
-    return corners.slice(0, -1);
-  };
-  return [...half(sorted), ...half(sorted.reverse())];
-}
+{% include "html/hull.js.jinja" %}
 
 // Mass (kg), centre of mass (m) and moment of inertia about it (kg m²) of a plate, the convex hull of its points.
 function plateInertia(corners, mass) {

@@ -16,7 +16,7 @@ from ncgen.errors import NcgenError
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions import dynamics
-from ncgen.program.motions.motion import assemble_motions
+from ncgen.program.motions.motion import RecursiveMotions
 from ncgen.program.tree.rates import NoRecursion
 from ncgen.program.tree.recursion import assemble_recursions
 from ncgen.solver.engines.partition_dynamics import samples, split_of
@@ -49,7 +49,7 @@ def compare(seed: int, counts: Counter) -> str | None:
             return None
         given = kernels.programs.equations, split, samples(kernels, q, kernels.p0), kernels.column_sizes
         ways = assemble_recursions(*given)
-        ways |= {f"{name} of all": way for name, way in assemble_motions(given[0], *given[2:])[0].items()}
+        ways |= {f"{name} of all": way for name, way in RecursiveMotions(given[0], *given[2:]).derivatives().items()}
         judge, closing = dynamics.by_all_coordinates(*given), dynamics.newton(*given[:3])
     except NoRecursion as reason:
         counts["no recursion: too few positions" if "few" in str(reason) else "no recursion"] += 1

@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from ncgen.mechanism.active_in_c import Active, is_missed
-from ncgen.mechanism.sliding_in_c import first_length, is_positive, largest_slide, missed_speed, parts, unseen_velocities
+from ncgen.mechanism.sliding_in_c import SlidingContact, is_positive, parts, unseen_velocities
 from ncgen.model.contacts import REST
 
 
@@ -32,12 +32,41 @@ def test_unseen_velocities_are_errors_of_steps():
     assert unseen_velocities((0.0, 0.0), 0.5, sizes, qd, qdd) == pytest.approx([0.1 * 0.5 * 4, 0.1 * 0.5 * 5], rel=1e-15)
 
 
+def in_space(velocity=(0.0, 0.0), slip=(0.0, 0.0), size=9.0, unseen=0.0):
+    """A contact whose velocities are the first two of three coordinates' times 1 and 2."""
+    gradients = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
+    return SlidingContact(np.array(velocity), gradients, np.array(slip), np.full(3, size / 2), np.full(3, unseen / 2))
+
+
 def test_a_slide_begins_with_a_direction_that_is_kept():
-    """It comes to rest at REST times its length, which is what steps miss at least."""
-    missed = missed_speed(1e-9)
-    assert first_length(0.0, 1.0, missed) * REST == pytest.approx(missed, rel=1e-14)
-    assert first_length(4.0, 9.0, 0.0) == pytest.approx(100 * 6.0, rel=1e-14)
-    assert [largest_slide(*each) for each in ((3.0, 2.0, 1.0), (1.0, 2.0, 1.0), (1.0, 2.0, 5000.0))] == [3.0, 2.0, 5.0]
+    """It comes to rest at REST times its length, which is what steps miss at least: 20 times what they do not see."""
+    active = gap_and_contact((1, 0), (1, 1), (0, 0))
+    active.released[1] = 1
+    way, slip = np.array([3.0, -4.0]), np.zeros(2)
+    least = active.turn(1, slip, in_space(unseen=1e-9), way, 0.0, 1.0)
+    np.testing.assert_allclose(least, np.array([0.6, -0.8]) * 20e-9 / REST, rtol=1e-14)
+    longer = active.turn(1, slip, in_space(), way, 0.8, 1.0)  # decelerated by 4 m/s² over its size of 9 m
+    np.testing.assert_allclose(longer, np.array([0.6, -0.8]) * 100 * 6, rtol=1e-14)
+
+
+def test_a_slide_goes_on_with_its_largest_velocity():
+    """The one so far, or the present one, and at least a thousandth of its terms."""
+    active, way = gap_and_contact((1, 0), (1, 0), (0, 0)), np.zeros(2)
+    lengths = [
+        np.linalg.norm(active.turn(1, np.zeros(2), in_space((0.0, own), (so_far, 0.0)), way, 0.0, terms / 9))
+        for so_far, own, terms in ((3.0, 2.0, 1.0), (1.0, 2.0, 1.0), (1.0, 2.0, 5000.0))
+    ]
+    assert lengths == pytest.approx([3.0, 2.0, 5.0], rel=1e-14)
+
+
+def test_a_slide_is_at_rest_below_what_steps_miss():
+    assert in_space((0.0, 19e-9), unseen=1e-9).is_unseen and not in_space((0.0, 21e-9), unseen=1e-9).is_unseen
+    assert in_space((0.0, 5e-9), size=6.0).is_still(1.0) and not in_space((0.0, 7e-9), size=6.0).is_still(1.0)
+    assert in_space((0.0, 7e-9), (3.0, 0.0), size=6.0).is_still(1.0)
+
+
+def test_how_far_a_change_goes_along_a_slide():
+    assert in_space().along(np.array([3.0, -4.0]), np.array([2.0, 1.0, 100.0])) == 3 * 2 - 4 * 2
 
 
 @pytest.mark.parametrize(("miss", "is_off"), [(0.0, False), (5e-10, False), (2e-9, True)])
@@ -81,11 +110,16 @@ def test_what_has_become_of_a_contact(wanted, before, happened, changes):
 
 def test_how_a_contact_slides():
     """Not where it sticks or is open; as it was released; else as it moves, unless that is rounding."""
-    assert gap_and_contact((1, 1), (0, 0), (0, 0)).slide(1, True, True) == "NCGEN_SLIDES_NOT"
-    assert gap_and_contact((0, 0), (0, 0), (0, 0)).slide(1, True, True) == "NCGEN_SLIDES_NOT"
+    slide = SlidingContact(np.array([-2.0]), np.ones((1, 1)), np.array([0.5]), np.ones(1), np.zeros(1))
+
+    def turned(active, way):
+        return active.turn(1, slide.slip, slide, np.array([way]), 0.0, 1.0)[0]
+
+    assert turned(gap_and_contact((1, 1), (0, 0), (0, 0)), 3.0) == 0.0
+    assert turned(gap_and_contact((0, 0), (0, 0), (0, 0)), 3.0) == 0.0
     active = gap_and_contact((1, 0), (1, 1), (0, 0))
-    assert active.slide(1, True, True) == "NCGEN_SLIDES_ON"
+    assert turned(active, 3.0) == -1.0
     active.released[1] = 1
-    assert [active.slide(1, *each) for each in ((True, True), (False, True))] == ["NCGEN_BEGINS", "NCGEN_SLIDES_ON"]
+    assert [turned(active, way) for way in (3.0, 0.0)] == [1.0, -1.0]
     active.released[1], active.still[1] = 0, 1
-    assert active.slide(1, False, True) == "NCGEN_SLIDES_AS_BEFORE"
+    assert turned(active, 0.0) == 0.5

@@ -12,7 +12,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.dynamics import DynamicsPrograms, newton
-from ncgen.program.motions.motion import assemble_motions
+from ncgen.program.motions.motion import RecursiveMotions
 from ncgen.program.programs import Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions
 from ncgen.program.tree.rates import NoRecursion
@@ -90,7 +90,8 @@ def test_a_motion_closes_by_all_hinges_whichever_coordinates_are_independent():
 def test_velocities_of_an_open_tree_are_those_of_either_recursion():
     """A projection, twice the same, whose rest has no momentum along what the joints allow."""
     kernels, (equations, angles, found) = given(example_module("arm").build(3))
-    _, ways = assemble_motions(equations, found, kernels.column_sizes)
+    motions = RecursiveMotions(equations, found, kernels.column_sizes)
+    ways = {name: motions.projected(name) for name in motions.derivatives()}
     assert set(ways) == {"articulated", "composite"}
     q, rng = found[0].q, np.random.default_rng(6)
 

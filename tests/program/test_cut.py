@@ -10,7 +10,7 @@ import pytest
 from ncgen.compiler import compile, generate
 from ncgen.exchange.examples import load
 from ncgen.program.ir import cut as cutting
-from ncgen.program.ir.blocks import Loop, Program, Slot, Store, Straight, TableStore
+from ncgen.program.ir.blocks import Leading, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.cut import CUT_ARRAY, cut
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.finishing import finish
@@ -63,6 +63,26 @@ def test_what_lies_in_the_output_is_kept_nowhere_else(monkeypatch):
     for k in range(40):
         links.append(links[-1] * q[1 + k % 3] if k % 2 else links[-1] + q[1 + k % 3])
     assert evaluate(parts, {"q": q}) == links[1:]
+
+
+@pytest.mark.parametrize("longest", [7, 400])
+@pytest.mark.parametrize("leading", [1, 5, 20])
+def test_leading_outputs_alone(monkeypatch, longest, leading):
+    """The first blocks compute them, and write nothing else, though what they compute is an output once more, and a constant is."""
+    monkeypatch.setattr(cutting, "MAX_OPERATIONS", longest)
+    whole = program(0)
+    (block,) = whole.blocks
+    again = [Store(array="out", index=whole.size + k, node=block.stores[j].node) for k, j in enumerate((0, leading - 1, whole.size - 2))]
+    block = replace(block, stores=(*block.stores, *again))
+    whole = replace(whole, size=whole.size + 3, blocks=(block,), leading=Leading("first", leading))
+    parts = cut(whole)
+    verify(parts, {"q": 5})
+    verify(parts.beginning, {"q": 5})
+    q = [0.3, -1.2, 0.7, 2.0, -0.4]
+    assert evaluate(parts, {"q": q}) == evaluate(whole, {"q": q})
+    assert evaluate(parts.beginning, {"q": q}) == evaluate(whole, {"q": q})[:leading]
+    assert parts.beginning.name == "first" and len(parts.beginning.blocks) < len(parts.blocks)
+    assert cut(parts) is parts
 
 
 def test_what_is_short_stays_whole():

@@ -14,7 +14,7 @@ from ncgen.exchange.examples import example_names, load
 from ncgen.program.ir.cost import cost
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.dynamics import assemble_motion
-from ncgen.solver.engines.acceleration_forms import own_positions
+from ncgen.solver.engines.acceleration_forms import all_coordinates, own_positions
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.symbolic.tree import spanning_tree
 
@@ -72,6 +72,40 @@ def test_velocities_are_brought_onto_the_constraints(name):
         violation = k.jacobian(sample.q, sample.t, sample.p) @ found - k.nu(sample.q, sample.t, sample.p)
         assert np.max(np.abs(violation) / k.row_sizes) < 1e-10 * max(np.max(np.abs(qd) / k.column_sizes), 1.0)
         assert np.max(np.abs(found - qd) / k.column_sizes) < 0.2  # nothing is multiplied by much
+
+
+@pytest.mark.parametrize("name", WITH_TREES)
+def test_projected_velocities_and_the_derivative_there(name):
+    """One program gives what two of them give one after the other, for fewer operations."""
+    here, k = case(name), case(name).kernels
+    programs = here.programs
+    for sample in here.samples:
+        off = 1e-3 * here.generator.standard_normal(k.n) * k.column_sizes
+        both = here.values(programs.projected, sample, qd=here.consistent(sample) + off)
+        velocities = here.values(programs.velocities, sample, qd=both[: k.n])
+        qd, growth, qdd, power = both[: k.n], both[k.n], both[k.n + 1 : -1], both[-1]
+        derivative = here.values(programs.derivative, sample, qd=qd)
+        speed, size = np.max(np.abs(qd) / k.column_sizes), np.max(np.abs(qdd) / k.column_sizes)
+        assert np.max(np.abs(velocities[: k.n] - qd) / k.column_sizes) < 1e-10 * speed
+        assert np.max(np.abs(derivative[: k.n] - qd) / k.column_sizes) < 1e-10 * speed
+        assert np.max(np.abs(derivative[k.n : -2] - qdd) / k.column_sizes) < 1e-10 * max(size, 1.0)
+        assert power == pytest.approx(derivative[-2], rel=1e-9, abs=1e-9 * size)
+        assert growth == derivative[-1]
+    assert cost(programs.projected).total < cost(programs.derivative).total + cost(programs.velocities).total
+
+
+@pytest.mark.parametrize("name", ["arm", "robot", "fourbar", "tree"])
+def test_velocities_are_the_beginning_of_the_projected_derivative_in_c(name):
+    """To the bit, and nothing is written behind them."""
+    kernels = ncgen.compile(load(name), "c")
+    made = all_coordinates(kernels, form="emitted")
+    ffi, motion, n = made._ffi, made._dynamics.motion, kernels.n
+    q, qd = (ffi.new("double[]", list(x)) for x in (kernels.q0, np.random.default_rng(2).standard_normal(n)))
+    p = ffi.new("double[]", list(made.with_prepared(kernels.p0)) or 1)
+    both, alone = (ffi.new("double[]", [-7.0] * (2 * n + 3)) for _ in range(2))
+    assert motion.projected(0.0, q, qd, p, both) == motion.velocities(0.0, q, qd, p, alone) == 0
+    assert list(alone) == [*both[0 : n + 1], *[-7.0] * (n + 2)]
+    assert both[2 * n + 2] == -7.0
 
 
 @pytest.mark.parametrize("name", WITH_TREES)

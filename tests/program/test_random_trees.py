@@ -17,7 +17,7 @@ import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.model.elements import Spatial
 from ncgen.program.ir.evaluate import evaluate
-from ncgen.program.motions.motion import assemble_motions
+from ncgen.program.motions.motion import RecursiveMotions
 from ncgen.solver.engines.acceleration_forms import own_positions
 from ncgen.solver.positions.rank import scaled_jacobian
 
@@ -55,7 +55,7 @@ def compare(seed: int, counts: Counter) -> str | None:
     seen = own_positions(kernels)
     if seen is None:
         counts["moves by the matrix"] += 1
-    ways, _ = assemble_motions(kernels.programs.equations, seen[1], sizes) if seen else ({}, None)
+    ways = RecursiveMotions(kernels.programs.equations, seen[1], sizes).derivatives() if seen else {}
     scale = max(float(np.max(np.abs(a))) for a in expected.values())
     for name, program in ways.items():
         counts[name] += 1

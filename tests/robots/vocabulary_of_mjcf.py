@@ -242,7 +242,7 @@ def drawn(count: int, seed: int, folder: Path, counts: Counter[str]) -> Iterator
     """Draw files: what became of each, why, and its words. counts: of words and files, which are added to"""
     import mujoco
 
-    apart, mjcf.compiled = mjcf.compiled, lambda path, text=None: mujoco.MjModel.from_xml_path(str(path))  # no process for each
+    apart, mjcf.compiled = mjcf.compiled, lambda path, text=None, files=(): mujoco.MjModel.from_xml_path(str(path))  # no process for each
     path = folder / "m.xml"
     draws = Draws(seed, counts, path)
     try:

@@ -117,3 +117,10 @@ def test_where_it_cannot_go_on_the_matrix_does():
     exact = ncgen.simulate(kernels, **{"duration": 1.0, **options, "integrator": "dop853", "rtol": 1e-11})
     assert 0 < run.statistics.fallbacks < run.statistics.evaluations
     assert np.max(np.abs(run.q - exact.q)) < 1e-6
+
+
+def test_steps_that_fail_bound_those_after_them():
+    """The governor's dampers turn within a step, which Newton's method sees only in short ones."""
+    done = ncgen.simulate(ncgen.compile(ncgen.load("flyball")), 1.0).statistics
+    assert done.repeated_steps < done.steps / 4
+    assert not done.fallbacks

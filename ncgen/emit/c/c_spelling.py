@@ -9,6 +9,7 @@ from ncgen.emit.spelling import Record, Spelling
 from ncgen.model.traced_numbers import Traced
 from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore
+from ncgen.program.ir.cost import cost
 from ncgen.program.ir.cut import CUT_ARRAY, cut
 
 
@@ -62,8 +63,24 @@ class C(Spelling):
             record["blocks"][number]["part"] = self._part(program, number) if is_apart else None
         return record | {
             "function": f"{self.prefix}_{program.name}",
+            "leading": self._leading(program),
             "angles": self._angles(program.angles),
             "unused": [a for a in program.inputs if a not in _read(program)],
+        }
+
+    def _leading(self, program: Program) -> Record | None:
+        """The function that finds the leading outputs alone, and how many blocks it runs; None where there are no such."""
+        if (alone := program.beginning) is None:
+            return None
+        operations = cost(alone)
+        return {
+            "name": alone.name,
+            "function": f"{self.prefix}_{alone.name}",
+            "inputs": alone.inputs,
+            "output": alone.output,
+            "blocks": len(alone.blocks),
+            "operations": operations.total,
+            "calls": operations.calls,
         }
 
     def _part(self, program: Program, number: int) -> Record:

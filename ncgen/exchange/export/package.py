@@ -59,6 +59,9 @@ BREAKS = "ncgen_breaks.c"
 EVENTS = "ncgen_events.c"
 """Likewise of those that have events."""
 
+CLOSING = "ncgen_closing_tangent.c"
+"""Likewise of those with derivatives."""
+
 FORMULAS = "ncgen_formula.c"
 """Likewise of those with conditions that are no polynomials within a step."""
 
@@ -103,6 +106,7 @@ class Package:
         """{file name: text}: everything in C, with names of its own."""
         more = [*([BREAKS] if self.switching else []), *([EVENTS] if self.events else [])]
         more += [FORMULAS] if self.events and self.events.described["formulas"] else []
+        more += [CLOSING] if self.tangents else []
         needed = needed_by(RUNTIME, *more, defined=(WITHOUT_TABLES,))
         runtime = runtime_files(*HEADERS, *needed, defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime
@@ -363,14 +367,16 @@ def renamed(text: str, prefix: str) -> str:
 
 
 def without_runtime(target: str, file_name: str, prefix: str, records: dict, headers_besides: tuple[str, ...]) -> dict[str, str]:
-    """{path in the folder: text} of functions in C that need two headers of ncgen's and nothing of its runtime.
+    """{path in the folder: text} of functions in C that need a few headers of ncgen's and nothing else of its runtime.
 
     file_name: the template of the functions, with its header; headers_besides: templates of what else is in the folder
     """
 
     def filled(template: str) -> str:
-        return renamed(render(f"package/{target}/{template}.jinja", **records), prefix)
+        return render(f"package/{target}/{template}.jinja", **records)
 
-    headers = {renamed(name, prefix): renamed(text, prefix) for name, text in runtime_files("ncgen.h", "ncgen_math.h").items()}
-    functions = {f"{prefix}_{target}.{end}": filled(f"{file_name}.{end}") for end in "hc"}
-    return {**{name: filled(name) for name in headers_besides}, **functions, **headers}
+    files = {name: filled(name) for name in headers_besides} | {f"{prefix}_{target}.{end}": filled(f"{file_name}.{end}") for end in "hc"}
+    headers = runtime_files(*needed_by(*re.findall(r'^#include "(ncgen\w*\.h)"', files[f"{prefix}_{target}.c"], flags=re.MULTILINE)))
+    return {name: renamed(text, prefix) for name, text in files.items()} | {
+        renamed(name, prefix): renamed(text, prefix) for name, text in headers.items()
+    }

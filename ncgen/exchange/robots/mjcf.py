@@ -6,7 +6,7 @@ armatures are rotors. Coordinates begin at the reference values of the file.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypedDict
@@ -68,22 +68,22 @@ DIRECTIONS = ("quat", "iquat", "axis")
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file. Raises ModelError with what MuJoCo says of it, NcgenError without MuJoCo."""
-    files, lost = family(root, path), ()
+    whole, lost = family(root, path), ()
     try:
-        model = compiled(path)
+        model = compiled(path, files=whole.files)
     except ModelError as error:
-        model, lost = _without_pictures(root, path, error)
+        model, lost = _without_pictures(root, path, whole.files, error)
     _check_numbers(model, path.name)
-    return _Reader(model, files, path, lost).robot()
+    return _Reader(model, whole.roots, path, lost).robot()
 
 
-def _without_pictures(root: Markup, path: Path, error: ModelError) -> tuple[Compiled, tuple[Unseen, ...]]:
+def _without_pictures(root: Markup, path: Path, files: Collection[str], error: ModelError) -> tuple[Compiled, tuple[Unseen, ...]]:
     """The model without pictures that cannot be read, and these; raises the error where that does not help, or the dynamics need them."""
     readable = Readable(root, lambda name: file_of(name, root, path))
     if (text := readable.text()) is None:
         raise error
     try:
-        return compiled(path, text), tuple(Unseen(name[:80], is_file=True) for name in readable.missing)
+        return compiled(path, text, files), tuple(Unseen(name[:80], is_file=True) for name in readable.missing)
     except ModelError:
         raise error from None
 
@@ -136,10 +136,10 @@ def _closure(apart: Apart, robot: Robot) -> Closure:
 
 
 class _Reader:
-    def __init__(self, model: Compiled, files: Sequence[Markup], path: Path, lost: tuple[Unseen, ...] = ()) -> None:
+    def __init__(self, model: Compiled, roots: Sequence[Markup], path: Path, lost: tuple[Unseen, ...] = ()) -> None:
         """lost: pictures of the file that the model does not have"""
         self.m, self.where, self.path, self.lost = model, path.name, path, lost
-        meshes = (each.attributes for root in files for each in root.walk() if each.tag == "mesh")
+        meshes = (each.attributes for root in roots for each in root.walk() if each.tag == "mesh")
         self.shifted = {
             attributes.get("name") or Path(attributes.get("file", "")).stem
             for attributes in meshes
@@ -150,7 +150,7 @@ class _Reader:
         for g, body in enumerate(model.geom_bodyid):
             self.geoms.setdefault(int(body), []).append(g)
         self.frames, self.sites = frames_of(model), sites_of(model)
-        self.name = files[0].attributes.get("model") or path.stem
+        self.name = roots[0].attributes.get("model") or path.stem
         self.bodies = [WORLD, *(model.body(i).name or f"body{i}" for i in range(1, model.nbody))]
         self.placements: dict[str, Placement] = {WORLD: Placement()}
         self.links: dict[str, Link] = {WORLD: Link(name=WORLD, mass=None, shapes=self._shapes_of(0), sites=self.sites.get(0, {}))}

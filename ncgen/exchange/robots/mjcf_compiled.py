@@ -8,18 +8,22 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from importlib import import_module
+from importlib.util import find_spec
+from itertools import chain, product
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from ncgen.errors import ModelError, NcgenError, shown
 from ncgen.exchange.robots.markup import Markup, read_markup
+from ncgen.exchange.robots.mjcf_kept import keep_model, kept_model, key_of
 from ncgen.exchange.text import placed
 from ncgen.files import contents, is_file, is_there, write_text
 
@@ -52,30 +56,64 @@ FOLDERS = ("meshdir", "texturedir", "assetdir", "modeldir")
 MODELS = ("include", "model")
 """Elements that name files with more of the model."""
 
+PLUGIN_SETTING = "config"
+"""The element with a setting of a plugin."""
 
-def family(root: Markup, path: Path) -> list[Markup]:
-    """The root elements of a file and of all that it includes. Raises ModelError with file and line for what is not read.
+
+class Family(NamedTuple):
+    """The root elements of a file and of all that it includes, and the real paths of all files that the model is made of.
+
+    files is empty where plugins, which may open files of their own, have settings.
+    """
+
+    roots: list[Markup]
+    files: frozenset[str]
+
+
+def family(root: Markup, path: Path) -> Family:
+    """All that a model is made of. Raises ModelError with file and line for what is not read.
 
     What is not there MuJoCo itself tells.
     """
-    elements, waiting, visited = list[Markup](), [(root, path)], {_real(path)}
-    while waiting:
-        each, origin = waiting.pop()
-        elements.append(each)
+    members, files = [(root, path)], {_real(path)}
+    for each, origin in members:  # which grow
         _check_copies(each, 1)
-        folders = _folders((root, each), (path.parent, origin.parent))
-        for element, name in _named(each):
-            for file in dict.fromkeys(folder / name for folder in folders):
-                if not is_there(file) or _real(file) in visited:
-                    continue
-                if not is_file(file):
-                    element.refuse(f"{shown(name)} is no ordinary file; a model is made of ordinary files")
-                visited.add(_real(file))
-                if element.tag in MODELS and file.suffix.lower() != ".mjb":
-                    waiting.append((read_markup(file), file))
-        if len(elements) + len(waiting) > MOST_FILES:
+        models = [(element, name) for element, name in _named(each) if element.tag in MODELS]
+        more = _found(models, _folders((root, each), (path.parent, origin.parent)), files)
+        members += [(read_markup(file), file) for file in more if file.suffix.lower() != ".mjb"]
+        if len(members) > MOST_FILES:
             root.refuse(f"it includes more than {MOST_FILES} files")
-    return elements
+    roots = [each for each, _ in members]
+    folders = _folders(roots, dict.fromkeys(origin.parent for _, origin in members))
+    files.update(map(_real, _found((named for each in roots for named in _named(each)), folders, files)))
+    settings = any(each.tag == PLUGIN_SETTING for each in chain.from_iterable(each.walk() for each in roots))
+    return Family(roots, frozenset() if settings else frozenset(files))
+
+
+def _found(named: Iterable[tuple[Markup, str]], folders: Iterable[Path], files: set[str]) -> Iterator[Path]:
+    """Files that elements name, of those that are there and not yet among files, which grow.
+
+    A file may lie there without the folder of its name, too (`strippath`). Raises ModelError for what is no ordinary file.
+    """
+    folders, tried = list(dict.fromkeys(folders)), set[str]()
+    for element, name in named:
+        if name in tried:
+            continue
+        tried.add(name)
+        for each, folder in product(dict.fromkeys((name, _stripped(name))), folders):
+            file = folder / each
+            if not is_there(file) or (real := _real(file)) in files:
+                continue
+            if is_file(file):
+                files.add(real)
+                yield file
+            elif each == name:
+                element.refuse(f"{shown(name)} is no ordinary file; a model is made of ordinary files")
+
+
+def _stripped(name: str) -> str:
+    """The name of a file without its folder, in either system."""
+    return re.split(r"[/\\]", name)[-1] or name
 
 
 def _check_copies(element: Markup, copies: int) -> None:
@@ -117,59 +155,82 @@ def file_of(name: str, root: Markup, path: Path) -> Path | None:
     return next((candidate.resolve() for candidate in candidates if is_file(candidate)), None)
 
 
-def compiled(path: Path, text: str | None = None) -> Compiled:
-    """The model of a file. text: in place of the file's own
+def compiled(path: Path, text: str | None = None, files: Collection[str] = ()) -> Compiled:
+    """The model of a file, or what was kept of it, and warn of what MuJoCo warns of.
 
+    text: in place of the file's own; files: all that the model is made of, by whose content it is kept; none where it is not to be
     Raises ModelError with what MuJoCo says of it, or how it ended, NcgenError without MuJoCo.
     """
-    try:
-        mujoco: Any = import_module("mujoco")
-    except ImportError:
-        raise NcgenError(f"{path.name}: MJCF is read by MuJoCo, which is missing; run pip install 'ncgen[robots]'") from None
+    library = _library(path)
+    key = key_of(path, library, text, files) if files else None
+    if key and (known := kept_model(key)):
+        model, messages = known
+    else:
+        model, messages = _compiled_now(path, library, text)
+        for name, most in MAX_COUNTS.items():
+            if getattr(model, name) > most:
+                raise ModelError(placed(path.name, None, f"it has {getattr(model, name)} {WORDS[name]}, and {most} are read; take fewer"))
+        if key:
+            keep_model(key, model, messages, files)
+    for message in messages:
+        warnings.warn(placed(path.name, None, message), stacklevel=2)
+    return model
+
+
+def _library(path: Path) -> Path:
+    """MuJoCo's library. Raises NcgenError where there is none for a file."""
+    spec = find_spec("mujoco")
+    if spec is None or spec.origin is None:
+        raise NcgenError(f"{path.name}: MJCF is read by MuJoCo, which is missing; run pip install 'ncgen[robots]'")
+    package = Path(spec.origin).parent
+    library = next(iter(sorted((*package.glob("libmujoco*"), *package.glob("mujoco.dll")))), None)
+    if library is None or not sys.executable:
+        missing = f"MuJoCo's library is not in {package}" if library is None else "Python does not know its own program (sys.executable)"
+        raise NcgenError(f"{path.name}: MuJoCo reads it in a process of its own, and {missing}; install mujoco again")
+    return library
+
+
+def _compiled_now(path: Path, library: Path, text: str | None) -> tuple[Compiled, list[str]]:
+    """The model of a file, and what MuJoCo warns of. Raises ModelError."""
     with tempfile.TemporaryDirectory(prefix="ncgen-mjcf-") as folder:
         file = path
         if text is not None:
             file = Path(folder) / path.name
             write_text(file, text)
-        _run(file, Path(mujoco.__file__).parent, Path(folder))
-        messages: list[str] = []
+        messages = _run(file, library, Path(folder))
+        mujoco: Any = import_module("mujoco")
         before = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(messages.append)  # else it writes a file where Python happens to run
+        mujoco.set_mju_user_warning(lambda text: None)  # else it writes a file where Python happens to run
         try:
-            model = mujoco.MjModel.from_binary_path(str(Path(folder) / "model.mjb"))
+            return mujoco.MjModel.from_binary_path(str(Path(folder) / "model.mjb")), messages
         except (ValueError, mujoco.FatalError) as error:
             raise ModelError(placed(path.name, None, " ".join(str(error).split()))) from None
         finally:
             mujoco.set_mju_user_warning(before)
-    for name, most in MAX_COUNTS.items():
-        if getattr(model, name) > most:
-            raise ModelError(placed(path.name, None, f"it has {getattr(model, name)} {WORDS[name]}, and {most} are read; take fewer"))
-    return model
 
 
-def _run(path: Path, package: Path, folder: Path) -> None:
-    """Have a file compiled into folder/model.mjb, and warn of what MuJoCo warns of. Raises ModelError."""
-    library = next(iter(sorted((*package.glob("libmujoco*"), *package.glob("mujoco.dll")))), None)
-    if library is None or not sys.executable:
-        missing = f"MuJoCo's library is not in {package}" if library is None else "Python does not know its own program (sys.executable)"
-        raise NcgenError(f"{path.name}: MuJoCo reads it in a process of its own, and {missing}; install mujoco again")
-    plugins = package / "plugin"
+def _run(path: Path, library: Path, folder: Path) -> list[str]:
+    """Have a file compiled into folder/model.mjb; what MuJoCo warns of. Raises ModelError."""
+    plugins = library.parent / "plugin"
     program = Path(__file__).with_name("mjcf_child.py")
     arguments = [str(library), str(plugins) if plugins.is_dir() else "", str(path), str(folder), str(SECONDS)]
     command = [sys.executable, "-I", "-S", "-B", str(program), *arguments]
     no = subprocess.DEVNULL
-    try:
-        status = subprocess.run(command, check=False, timeout=WALL_TIME_FACTOR * SECONDS, stdin=no, stdout=no, stderr=no).returncode
-    except subprocess.TimeoutExpired:
-        status = -getattr(signal, "SIGXCPU", signal.SIGTERM)
+    with subprocess.Popen(command, stdin=no, stdout=no, stderr=no) as process:
+        try:
+            import_module("mujoco")  # meanwhile
+            status = process.wait(WALL_TIME_FACTOR * SECONDS)
+        except subprocess.TimeoutExpired:
+            status = -getattr(signal, "SIGXCPU", signal.SIGTERM)
+        finally:
+            process.kill()
     try:
         result = json.loads(contents(folder / "told.json", 1_000_000))
     except (OSError, ValueError):
         raise ModelError(placed(path.name, None, f"{_how(status)}; what it asks for is too much, or damaged")) from None
     if result["error"]:
         raise ModelError(placed(path.name, None, result["error"]))
-    for text in result["warnings"]:
-        warnings.warn(placed(path.name, None, text), stacklevel=2)
+    return list(map(str, result["warnings"]))
 
 
 def _how(status: int) -> str:

@@ -89,23 +89,28 @@ class _Reader:
     def _couple(self, name: str, first: dict[str, float], other: dict[str, float], factors: list[float]) -> None:
         """One length is a polynomial of another, both from where they begin."""
         offset, *powers = factors
-        followed = next(iter(other), "")
-        if first == {follower: 1.0 for follower in first} and other == {followed: 1.0} and not any(powers[1:]) and {*first} != {followed}:
-            (follower,) = first
-            if follower not in self.followers:
-                begins = self._begins(follower) - powers[0] * self._begins(followed)
-                self.followers[follower] = Mimic(followed, powers[0], offset + begins)
-                return
         if not any(powers[1:]):  # one sum is enough
             for joint, coefficient in other.items():
                 first[joint] = first.get(joint, 0.0) - powers[0] * coefficient
             other, powers = {}, []
+            if len(first) == 2 and self._follows(first, offset):
+                return
         zeros = {joint: self._begins(joint) for joint in (*first, *other)}
         self.rows.append(
             Coupling(
                 name=name, shares=first, offset=offset, where=self.where, others=other, zeros=zeros, powers=tuple(powers) if other else ()
             )
         )
+
+    def _follows(self, shares: dict[str, float], offset: float) -> bool:
+        """Whether the first of two joints, whose sum is an offset from where they begin, now follows the other one."""
+        (follower, coefficient), (followed, other) = shares.items()
+        if not coefficient or follower in self.followers:
+            return False
+        factor = -other / coefficient
+        begins = self._begins(follower) - factor * self._begins(followed)
+        self.followers[follower] = Mimic(followed, factor, offset / coefficient + begins)
+        return True
 
     def _begins(self, joint: str) -> float:
         """The value of a joint where the model begins."""

@@ -197,6 +197,22 @@ def dot(graph: Graph, a: dict[int, int], b: dict[int, int]) -> int:
     return graph.sum(graph.mul(a[k], b[k]) for k in sorted(a.keys() & b.keys()))
 
 
+def solve_in_order(graph: Graph, matrix: list[list[int]], right: list[int]) -> tuple[list[int], int]:
+    """The solution of a small system by elimination in the given order, and the product of the pivots."""
+    matrix, right = [list(row) for row in matrix], list(right)
+    size, product = len(right), graph.const(1.0)
+    for k in range(size):
+        product = graph.mul(product, matrix[k][k])
+        for i in range(k + 1, size):
+            factor = graph.div(matrix[i][k], matrix[k][k])
+            matrix[i] = [graph.sub(a, graph.mul(factor, b)) for a, b in zip(matrix[i], matrix[k], strict=True)]
+            right[i] = graph.sub(right[i], graph.mul(factor, right[k]))
+    for k in reversed(range(size)):
+        rest = [graph.neg(graph.mul(matrix[k][j], right[j])) for j in range(k + 1, size)]
+        right[k] = graph.div(graph.sum([right[k], *rest]), matrix[k][k])
+    return right, product
+
+
 def solve_positive(graph: Graph, matrix: Matrix, size: int, right: list[int]) -> list[int]:
     """x of A x = right for a symmetric positive definite A (lower triangle given), by LDLᵀ in the given order.
 

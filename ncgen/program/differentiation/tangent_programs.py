@@ -73,18 +73,18 @@ def _row(operands: TermOperands, outputs: Nodes) -> dict[Place, int]:
     return {(ROW,): outputs[TemplateOutput("phi")]}
 
 
-def _row_rate(operands: TermOperands, outputs: Nodes) -> dict[Place, int]:
-    """{(row,): Φ̇ = Φ_q q̇ − ν}."""
-    graph = operands.graph
-    parts = [graph.mul(node, operands.read(Reference("qd", j.number))) for (j,), node in chain("phi_q", 1, False)(operands, outputs)]
-    return {(ROW,): graph.sub(graph.sum(parts), outputs[TemplateOutput("nu")])}
+def _moved(kind: Literal["qd", "qdd"], right: str) -> Quantities:
+    """{(row,): Φ_q times velocities or accelerations, less the right-hand side}: Φ̇ = Φ_q q̇ − ν, or Φ̈ = Φ_q q̈ − γ."""
+
+    def rows(operands: TermOperands, outputs: Nodes) -> dict[Place, int]:
+        graph = operands.graph
+        parts = [graph.mul(node, operands.read(Reference(kind, j.number))) for (j,), node in chain("phi_q", 1, False)(operands, outputs)]
+        return {(ROW,): graph.sub(graph.sum(parts), outputs[TemplateOutput(right)])}
+
+    return rows
 
 
-def _row_acceleration(operands: TermOperands, outputs: Nodes) -> dict[Place, int]:
-    """{(row,): Φ̈ = Φ_q q̈ − γ}."""
-    graph = operands.graph
-    parts = [graph.mul(node, operands.read(Reference("qdd", j.number))) for (j,), node in chain("phi_q", 1, False)(operands, outputs)]
-    return {(ROW,): graph.sub(graph.sum(parts), outputs[TemplateOutput("gamma")])}
+_row_rate, _row_acceleration = _moved("qd", "nu"), _moved("qdd", "gamma")
 
 
 def _by(kind: Literal["q", "qd"], function: Quantities) -> Parts:

@@ -8,9 +8,9 @@ list of operations `count` times; its slots say where each run reads, its stores
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, Literal, TypeAlias, TypeVar
+from typing import ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -110,6 +110,13 @@ class Loop:
 Block: TypeAlias = Straight | Loop
 
 
+class Leading(NamedTuple):
+    """The first outputs of a program as one of their own: its name, and how many they are."""
+
+    name: str
+    size: int
+
+
 @dataclass(frozen=True, kw_only=True)
 class Program:
     """One kernel.
@@ -118,6 +125,7 @@ class Program:
     output: name of the array it writes, `size` its length
     temporaries: {name: length} of local arrays
     angles: positions in q whose sines and cosines fill the arrays `sine` and `cosine` before the first block
+    leading: first outputs that blocks of their own compute, before all others, so that they can be had alone
     """
 
     name: str
@@ -127,6 +135,7 @@ class Program:
     blocks: tuple[Block, ...]
     temporaries: dict[str, int] = field(default_factory=dict, compare=False)
     angles: tuple[int, ...] = ()
+    leading: Leading | None = None
 
     def __repr__(self) -> str:
         return f"<Program {self.name}: {self.size} numbers, {self.length} statements>"
@@ -135,6 +144,16 @@ class Program:
     def length(self) -> int:
         """How many operations are written down: what compilers need time for. Those of a loop count once."""
         return sum(len(block.ops) for block in self.blocks)
+
+    @property
+    def beginning(self) -> Program | None:
+        """The leading outputs alone."""
+        if self.leading is None:
+            return None
+        name, size = self.leading
+        writes = [any(s.array == self.output and min(s.table) < size for s in block.stores) for block in self.blocks]
+        count = max((number for number, is_leading in enumerate(writes, 1) if is_leading), default=0)
+        return replace(self, name=name, size=size, blocks=self.blocks[:count], leading=None)
 
     @property
     def is_constant(self) -> bool:

@@ -41,7 +41,7 @@ from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.motions.motion import assemble_motions
+from ncgen.program.motions.motion import RecursiveMotions
 from ncgen.program.motions.sliding_derivatives import with_friction
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions, is_described
@@ -83,6 +83,7 @@ class DynamicsPrograms:
 class MotionPrograms:
     """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ].
 
+    projected: gives what velocities gives, and the accelerations there: [q̇ (n), growth, q̈ (n), power]; None where forces of others act
     prepare: gives what depends on parameters alone, which the others read behind p; None where nothing does
     is_general: whether all of their numbers come from the equations, and none from samples of positions
     """
@@ -90,6 +91,7 @@ class MotionPrograms:
     derivative: Program
     velocities: Program
     closing: Program
+    projected: Program | None = None
     prepare: Program | None = None
     is_general: bool = False
 
@@ -100,7 +102,8 @@ class MotionPrograms:
 
     @property
     def all(self) -> tuple[Program, ...]:
-        parts = (self.derivative, self.velocities, self.closing)
+        """The programs that contain all others."""
+        parts = (self.derivative, self.projected or self.velocities, self.closing)
         return (*parts, self.prepare) if self.prepare else parts
 
 
@@ -138,16 +141,23 @@ def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], siz
 
 def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, forced: bool = False) -> MotionPrograms | None:
     """The motion of all coordinates by the cheapest recursion; None where there is none. Arguments as for `assemble_dynamics`, the split
-    of the positions; forced: as of `assemble_motions`."""
+    of the positions; forced: as of `RecursiveMotions`."""
     try:
-        ways, velocities = assemble_motions(equations, samples, np.asarray(sizes), forced)
-        n = len(equations.free)
-        parts = (ways[cheapest(ways)], velocities[cheapest(velocities)], closing(equations, split, samples, sizes, range(n)))
+        motions, n = RecursiveMotions(equations, samples, np.asarray(sizes), forced), len(equations.free)
+        ways = motions.derivatives()
+        way = cheapest(ways)
+        parts = (ways[way], motions.projected(way), closing(equations, split, samples, sizes, range(n)))
     except (NoRecursion, EliminationError, SingularError):
         return None
-    prepare, (derivative, velocities, closed) = take_out(parts, equations)
+    prepare, (derivative, projected, closed) = take_out(parts, equations)
+    velocities = projected.beginning
     motion = MotionPrograms(
-        derivative=derivative, velocities=velocities, closing=closed, prepare=prepare, is_general=is_described(equations, samples[0])
+        derivative=derivative,
+        velocities=velocities or projected,
+        closing=closed,
+        projected=projected if velocities else None,
+        prepare=prepare,
+        is_general=is_described(equations, samples[0]),
     )
     for program in motion.all:
         verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + motion.prepared})

@@ -121,7 +121,8 @@ def assemble_mode_conditions(
     graph = lines.graph
     nodes = [expression_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
     motion = SlidingNodes(lines, sizes, sliding) if sliding else AccelerationNodes(lines, sizes)
-    nodes += load_conditions(lines, motion.lam, held, rows)
+    accelerations = motion.motion if isinstance(motion, SlidingNodes) else motion
+    nodes += load_conditions(lines, motion.lam, held, rows, accelerations.energy(sizes, rows))
     if isinstance(motion, SlidingNodes):
         nodes += [motion.margin, graph.const(1.0)]
     program = lines.program("conditions", INPUTS["conditions"], nodes)
@@ -133,18 +134,18 @@ def assemble_load_margins(equations: Terms, held: Sequence[HeldLoad], rows: np.n
     """The program of values and sizes of the conditions of loads, given the multipliers lam (m,); arguments as of
     `assemble_mode_conditions`"""
     lines = Lines(equations)
-    lam = [lines.graph.load("lam", row) for row in range(len(equations.rows))]
-    return lines.program("load_margins", ("t", "q", "qd", "p", "lam"), load_conditions(lines, lam, held, rows))
+    graph = lines.graph
+    lam = [graph.load("lam", row) for row in range(len(equations.rows))]
+    all_loads = graph.sum([graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(lam, rows, strict=True)])
+    return lines.program("load_margins", ("t", "q", "qd", "p", "lam"), load_conditions(lines, lam, held, rows, all_loads))
 
 
-def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], rows: np.ndarray) -> list[int]:
-    """Return nodes of values and sizes of the conditions of loads. lam (m,): nodes of all multipliers; others as of
-    `assemble_mode_conditions`"""
+def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], rows: np.ndarray, energy: int) -> list[int]:
+    """Return nodes of values and sizes of the conditions of loads. lam (m,): nodes of all multipliers; energy: node of what loads along
+    natural sizes are compared with; others as of `assemble_mode_conditions`"""
     graph, nodes = lines.graph, list[int]()
-    sums = [graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(lam, rows, strict=True)]
-    all_loads = graph.sum(sums)
     for each in held:
-        load, size = graph.neg(lam[each.row]), graph.mul(graph.const(1 / float(rows[each.row])), all_loads)
+        load, size = graph.neg(lam[each.row]), graph.mul(graph.const(1 / float(rows[each.row])), energy)
         if each.grip is not None:
             gap, friction = each.grip
             most = graph.mul(expression_node(lines, each.words, friction), lam[gap])

@@ -47,7 +47,7 @@ def assemble_condition_tangent(
     along = directions(lines)
     if held:
         lam, changes = _multipliers(lines, sizes, sliding, along)
-        nodes += load_conditions(lines, lam, held, rows)[::2]
+        nodes += load_conditions(lines, lam, held, rows, lines.graph.const(1.0))[::2]
         along |= {node: change for node, change in zip(lam, changes, strict=True) if lines.graph.value(node) is None}
     return {"condition_tangent": _program(lines, "condition_tangent", nodes, along)}
 

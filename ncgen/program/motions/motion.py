@@ -1,11 +1,13 @@
 """The motion of all coordinates by recursion over the tree of bodies, without a choice of independent ones.
 
     derivative(t, q, qd, p)  -> q̇ (n), q̈ (n), power, growth; with forces along the coordinates derivative(t, q, qd, forces, p)
-    velocities(t, q, qd, p)  -> q̇ (n), growth: the nearest velocities that the joints allow, in the sense of kinetic energy
+    projected(t, q, qd, p)   -> q̇ (n), growth, q̈ (n), power: the nearest velocities that the joints allow, in the sense of kinetic energy,
+                                and the accelerations there
+    velocities(t, q, qd, p)  -> q̇ (n), growth: these alone
 
 The velocities given say how the joints turn and slide (`ncgen.program.tree.joint_rates`), and x = R ż + S ν is what loops allow of that.
 What is left of the velocities, r, has the momentum Tᵀ M r over the rates, which changes the free ones by (RᵀHR)⁻¹ Rᵀ Tᵀ M r: a
-projection for the price of one more right-hand side.
+projection for the price of one more right-hand side, less what both have in common.
 
 growth is how much larger ‖R‖² and the reciprocals of the pivots are than in the samples; far from 1 the fixed order of elimination is a
 bad one.
@@ -18,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ncgen.program.algebra.elimination import times
-from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.blocks import Leading, Program
 from ncgen.program.ir.sampling import Sample, roughly
 from ncgen.program.tree.recursion import Column, Recursion
 from ncgen.program.tree.tree_motion import Loads
@@ -30,27 +32,42 @@ PIVOT_WEIGHT = 0.2
 """What the square of a reciprocal pivot counts: a third of a pivot is nothing unusual."""
 
 
-def assemble_motions(
-    equations: Terms, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False
-) -> tuple[dict[str, Program], dict[str, Program]]:
-    """`derivative` and `velocities` by every recursion that applies. Arguments and errors as for `assemble_recursions`; forced: with
-    `forces`, along all coordinates, as one more input of the derivative."""
-    work = Recursion(equations, None, samples, sizes, forced)
-    derivatives = {name: _derivative(work, zdd) for name, zdd in work.ways()}
-    return derivatives, {name: _velocities(work, changes) for name, changes in work.ways(_momentum(work))}
+class RecursiveMotions:
+    """The programs by every recursion that applies. Arguments and errors as for `assemble_recursions`; forced: with `forces`, along all
+    coordinates, as one more input of the derivative."""
+
+    def __init__(self, equations: Terms, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False) -> None:
+        self.work = Recursion(equations, None, samples, sizes, forced)
+
+    def derivatives(self) -> dict[str, Program]:
+        """`derivative` by the name of its recursion."""
+        return {name: self._derivative(zdd) for name, zdd in self.work.ways()}
+
+    def projected(self, way: str) -> Program:
+        """`projected` by one of these; with forces, which are known for the velocities that are given only, `velocities`.
+
+        Both have inertias and their factors in common, and joint velocities are not measured again.
+        """
+        work = self.work
+        changes = work.solve(way, _momentum(work))
+        moved = work.corrected(changes)
+        leading = [*moved.lines.rates, _growth(work)]
+        if work.forces:
+            return work.lines.draft("velocities", STATE, leading)
+        zdd = moved.solve(way)
+        outputs = [*leading, *_accelerations(moved, zdd), moved.power(zdd)]
+        return work.lines.draft("projected", STATE, outputs, Leading("velocities", len(leading)))
+
+    def _derivative(self, zdd: Sequence[int]) -> Program:
+        work = self.work
+        outputs = [*work.lines.rates, *_accelerations(work, zdd), work.power(zdd), _growth(work)]
+        return work.lines.draft("derivative", FORCED if work.forces else STATE, outputs)
 
 
-def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:
+def _accelerations(work: Recursion, zdd: Sequence[int]) -> list[int]:
+    """q̈ of all coordinates."""
     changes = work.spread(zdd, work.bias)
-    qdd = work.over_coordinates(changes, work.velocity.accelerations(changes))
-    return work.lines.draft("derivative", FORCED if work.forces else STATE, [*work.lines.rates, *qdd, work.power(zdd), _growth(work)])
-
-
-def _velocities(work: Recursion, free: Sequence[int]) -> Program:
-    changes = work.spread(free, {})
-    more = work.over_coordinates(changes, work.rates.geometry.velocities(changes))
-    rates = [work.graph.add(rate, change) for rate, change in zip(work.lines.rates, more, strict=True)]
-    return work.lines.draft("velocities", STATE, [*rates, _growth(work)])
+    return work.over_coordinates(changes, work.velocity.accelerations(changes))
 
 
 def _momentum(work: Recursion) -> Column:

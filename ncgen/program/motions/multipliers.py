@@ -6,6 +6,8 @@ in forces alone, such as inputs, so changes are solutions with the same factors.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.motions.full_motion import REGULARISATION, MotionSizes, Saddle
@@ -25,6 +27,13 @@ class AccelerationNodes:
         self.x = self.saddle.refined(self.right)
         self.qdd = [self.x.get(c, zero) for c in range(n)]
         self.lam = [self.x.get(n + r, zero) for r in range(m)]
+
+    def energy(self, sizes: MotionSizes, rows: np.ndarray) -> int:
+        """A node of the energy of what brings loads about, of which they are fractions: forces along natural sizes of coordinates, and
+        what accelerates constraints times inertia. rows (m,): natural sizes of constraints"""
+        graph, inertia = self.lines.graph, float(np.max(sizes.W * sizes.columns**2, initial=0.0))
+        scales = [*sizes.columns.tolist(), *(inertia / rows).tolist()]
+        return graph.sum([graph.mul(graph.const(scales[k]), graph.call("abs", node)) for k, node in sorted(self.right.items())])
 
     def along(self, changes: dict[int, int]) -> tuple[list[int], list[int]]:
         """How q̈ (n) and λ (m) change where inputs of the graph do. changes: {input: its change}"""

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from ncgen.model.values import Scalar
+from ncgen.program.algebra.elimination import solve_in_order
 from ncgen.program.assemble import input_lengths
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient
@@ -91,7 +92,7 @@ class SlidingNodes:
             ]
 
         def solved(signs: Sequence[int]) -> tuple[list[int], int]:
-            return solved_in_order(graph, matrix(signs), [graph.neg(motion.lam[each.row]) for each in sliding])
+            return solve_in_order(graph, matrix(signs), [graph.neg(motion.lam[each.row]) for each in sliding])
 
         signs = [one] * len(sliding)
         for _ in range(2 ** len(joints) - 1):
@@ -184,19 +185,3 @@ def _least(graph: Graph, nodes: Sequence[int]) -> int:
         difference = graph.call("abs", graph.sub(least, node))
         least = graph.mul(graph.const(0.5), graph.sub(graph.add(least, node), difference))
     return least
-
-
-def solved_in_order(graph: Graph, matrix: list[list[int]], right: list[int]) -> tuple[list[int], int]:
-    """The solution of a small system by elimination in the given order, and the product of the pivots."""
-    matrix, right = [list(row) for row in matrix], list(right)
-    size, product = len(right), graph.const(1.0)
-    for k in range(size):
-        product = graph.mul(product, matrix[k][k])
-        for i in range(k + 1, size):
-            factor = graph.div(matrix[i][k], matrix[k][k])
-            matrix[i] = [graph.sub(a, graph.mul(factor, b)) for a, b in zip(matrix[i], matrix[k], strict=True)]
-            right[i] = graph.sub(right[i], graph.mul(factor, right[k]))
-    for k in reversed(range(size)):
-        rest = [graph.neg(graph.mul(matrix[k][j], right[j])) for j in range(k + 1, size)]
-        right[k] = graph.div(graph.sum([right[k], *rest]), matrix[k][k])
-    return right, product

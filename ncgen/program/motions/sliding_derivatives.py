@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ncgen.errors import ModelError
+from ncgen.program.algebra.elimination import solve_in_order
 from ncgen.program.assemble import input_lengths
 from ncgen.program.differentiation.differentiated import BAR, SEED, adjoint_of, tangent_of
 from ncgen.program.ir.blocks import Program
@@ -22,7 +23,7 @@ from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines, line
 from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import STATE
-from ncgen.program.motions.sliding import Sliding, SlidingNodes, solved_in_order
+from ncgen.program.motions.sliding import Sliding, SlidingNodes
 from ncgen.symbolic.numbering import Terms
 
 Sums = dict[int, list[int]]
@@ -59,7 +60,7 @@ class SlidingDerivatives:
             if node in moved and j in self._x:
                 right.setdefault(i, []).append(graph.neg(graph.mul(moved[node], self._x[j])))
         first, zero = nodes.motion.saddle.refined(_added(graph, right)), graph.const(0.0)
-        multipliers, _ = solved_in_order(graph, nodes.matrix, [first.get(row, zero) for row in nodes.rows])
+        multipliers, _ = solve_in_order(graph, nodes.matrix, [first.get(row, zero) for row in nodes.rows])
         x = Sums({i: [node] for i, node in first.items()})
         for answer, column, m, s, change in zip(nodes.answers, nodes.columns, nodes.mu, nodes.signs, multipliers, strict=True):
             size = graph.mul(s, change)
@@ -74,7 +75,7 @@ class SlidingDerivatives:
         graph, nodes = self._graph, self._nodes
         weighted = [graph.sum([graph.mul(weights[c], node) for c, node in column.items()]) for column in nodes.columns]
         transposed = [list(row) for row in zip(*nodes.matrix, strict=True)]
-        shares, _ = solved_in_order(graph, transposed, [graph.mul(s, each) for s, each in zip(nodes.signs, weighted, strict=True)])
+        shares, _ = solve_in_order(graph, transposed, [graph.mul(s, each) for s, each in zip(nodes.signs, weighted, strict=True)])
         right = Sums()
         for row, coefficient in zip(nodes.rows, shares, strict=True):
             right.setdefault(row, []).append(coefficient)

@@ -12,6 +12,7 @@ on a long chain the articulated recursion, whose cost grows with its length only
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -178,6 +179,19 @@ class Recursion:
         self.lines.rates[:] = self.over_coordinates(x, velocity.velocity)
         return velocity
 
+    def corrected(self, changes: Sequence[int]) -> Recursion:
+        """The recursion in the same position, with other velocities: changes are added to those of the free rates."""
+        other = copy(self)
+        for depends_on_velocities in ("_mass", "_left"):
+            vars(other).pop(depends_on_velocities, None)
+        other.lines = copy(self.lines)
+        other.lines.rates = list(self.lines.rates)
+        other.speeds = [self.graph.add(speed, change) for speed, change in zip(self.speeds, changes, strict=True)]
+        other.velocity = other._move()
+        other.bias = other.particular(other._right_sides())
+        other.loads = other._loads()
+        return other
+
     def spread(self, free: Sequence[int], particular: Column) -> list[int]:
         """All rates, R free + particular."""
         x = [particular.get(k, self.zero) for k in range(self.rates.count)]
@@ -266,12 +280,18 @@ class Recursion:
 
     # -- accelerations -------------------------------------------------------------------------
 
-    def ways(self, right: Column | None = None) -> Iterator[tuple[str, list[int]]]:
-        """x of (RᵀHR) x = Rᵀ right over the free rates by every recursion that applies, with its name; without a right-hand side z̈."""
+    def ways(self) -> Iterator[tuple[str, list[int]]]:
+        """z̈ by every recursion that applies, with its name."""
         if self.is_open:
-            yield "articulated", self._solve_articulated(self.loads.force if right is None else right)
+            yield "articulated", self.solve("articulated")
         if not self.is_open or self.joints <= MAX_COMPOSITE_JOINTS:
-            yield "composite", self._solve_composite(self._left if right is None else right)  # (RᵀHR) z̈ = Rᵀ(f − H S …)
+            yield "composite", self.solve("composite")
+
+    def solve(self, way: str, right: Column | None = None) -> list[int]:
+        """x of (RᵀHR) x = Rᵀ right over the free rates by the recursion of a name; without a right-hand side z̈."""
+        if way == "articulated":
+            return self._solve_articulated(self.loads.force if right is None else right)
+        return self._solve_composite(self._left if right is None else right)  # (RᵀHR) z̈ = Rᵀ(f − H S …)
 
     @cached_property
     def _mass(self) -> tuple[Matrix, Column]:

@@ -7,7 +7,7 @@ Source: Lynch & Park, Modern Robotics (2017), section 4.1 (product of exponentia
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from ncgen.model.elements import Point, Spatial
@@ -89,6 +89,16 @@ class TreePosition:
         squared = graph.add(self.space.dot(vector, vector), graph.const(ANGLE_REGULARISATION))
         return squared, graph.mul(graph.const(0.5), graph.call("sqrt", squared))
 
+    def _turning(self, about: Vector, first: int, second: int) -> Callable[[Vector], Vector]:
+        """v ↦ v + first about × v + second about × (about × v)."""
+        space = self.space
+
+        def turned(v: Vector) -> Vector:
+            across = space.cross(about, v)
+            return space.sum((v, space.times(first, across), space.times(second, space.cross(about, across))))
+
+        return turned
+
     def _about_point(self, turn: Frame, shift: Vector, turning: Sequence[tuple[Screw, int]]) -> tuple[Frame, Vector]:
         """1 + sin θ/θ θ× + 2 sin²(θ/2)/θ² θ×θ×, in global axes about the joint's point where it is."""
         space, graph = self.space, self.graph
@@ -98,11 +108,7 @@ class TreePosition:
         s, c = graph.call("sin", half), graph.call("cos", half)
         double = graph.mul(graph.const(2.0), s)
         first, second = graph.div(graph.mul(s, c), half), graph.div(graph.mul(double, s), squared)
-
-        def turned(v: Vector) -> Vector:
-            across = space.cross(vector, v)
-            return space.sum((v, space.times(first, across), space.times(second, space.cross(vector, across))))
-
+        turned = self._turning(vector, first, second)
         point = turning[0][0].point
         assert point is not None, "a screw that turns about no point"
         position = space.add(self._turned(turn, self.initial(point)), shift)
@@ -116,12 +122,7 @@ class TreePosition:
         size = self._length(axis)
         unit, angle = space.times(graph.div(graph.const(1.0), size), axis), graph.mul(size, self.displacements[k])
         s, c = graph.call("sin", angle), graph.call("cos", angle)
-        rest = graph.sub(graph.const(1.0), c)
-
-        def turned(v: Vector) -> Vector:
-            across = space.cross(unit, v)
-            return space.sum((v, space.times(s, across), space.times(rest, space.cross(unit, across))))
-
+        turned = self._turning(unit, s, graph.sub(graph.const(1.0), c))
         assert screw.point is not None, "a screw that turns about no point"
         point = self.initial(screw.point)
         along = space.sub(point, turned(point))

@@ -7,7 +7,7 @@
 /* As much workspace as the functions of ncgen_events.h need for `count` conditions, at most `most` velocities that one event sets, or count if that is
  * more, n coordinates, and the numbers that actions set with those of `sliding`. */
 #define NCGEN_EVENTS_WORKSPACE(count, most, n, values) \
-    (NCGEN_GAPS + (count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 3 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
+    (NCGEN_GAPS + (count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 4 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
 
 /* The same for integers. */
 #define NCGEN_EVENTS_INTEGERS(count) (9 * (count))

@@ -71,6 +71,7 @@ typedef int ncgen_prepare_kernel(const ncgen_real *p, ncgen_real *out);
 typedef struct ncgen_motion {
     ncgen_velocity_kernel *derivative; /* qd as the joints allow, and qdd (n_coordinates each), power, growth; NULL where it is `forced` */
     ncgen_velocity_kernel *velocities; /* the nearest qd that the joints allow, in the sense of kinetic energy, growth */
+    ncgen_velocity_kernel *projected;  /* NULL, or both at once: the nearest qd, growth, qdd there, power */
     ncgen_position_kernel *closing;    /* a Newton step: dq (n_coordinates), phi (n_rows), which is 0 where it closes at once */
     ncgen_prepare_kernel *prepare;     /* n_prepared numbers; NULL: none */
     int n_prepared;
@@ -87,7 +88,7 @@ typedef struct ncgen_motion {
  * later links. What moves with a link only where loops are closed has a copy there, a number behind the coordinates. */
 typedef struct ncgen_tree {
     int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors, n_groups, n_copies;
-    int most_rows, most_members;   /* of a link */
+    int most_rows;                 /* of a link */
     const int *parent;             /* of a link; -1: the ground */
     const int *reference;          /* 3 components of a point of each link */
     const int *screw_start;        /* n_links + 1 */
@@ -103,7 +104,6 @@ typedef struct ncgen_tree {
     const int *members;            /* 3 components of elements between which a body has mass that is the same along all axes, without the
                                     * reference point, but with it, without mass, where they are less than three */
     const ncgen_scalar *member_is_point;
-    const int *mass_start;         /* n_links + 1: where the masses of its members begin */
     const int *pair_start;         /* n_links + 1 */
     const int *pairs;              /* 3 of each pair: two members of its link, number of its value in the mass matrix; the number behind
                                     * the last member is the reference point */
@@ -269,6 +269,18 @@ typedef struct ncgen_tape {
                           * too: there is no derivative of that; 0: none did */
 } ncgen_tape;
 
+/* What rows of a run say against it once it has come to its end, whose inputs keep the values that p has: how far the energy T + V - W
+ * changes, and what velocities leave of phi_q qd = nu. */
+typedef struct ncgen_inspection {
+    int count;              /* rows, at least one */
+    const int *rows;        /* ascending */
+    int is_known;           /* 1: what follows is, and is finite */
+    ncgen_scalar energy;    /* T + V - W in the first row */
+    ncgen_scalar change;    /* the farthest that it is from there */
+    ncgen_scalar kinetic;   /* the largest T */
+    ncgen_scalar remainder; /* the largest of phi_q qd - nu, relative to row_sizes, where there are rolling conditions, or drivers move */
+} ncgen_inspection;
+
 typedef struct ncgen_options {
     int method;
     ncgen_scalar rtol;         /* with error control: error of a step, relative and absolute; both 0: there is none, as of methods with a */
@@ -297,6 +309,7 @@ typedef struct ncgen_options {
     const int *movable;                   /* NULL, or one a time: 1 where a row may have the state of the end of its step, if no other row needs an */
     ncgen_scalar *row_times;              /* interpolant there; times of the rows: filled in by the caller, changed where a row was moved */
     ncgen_parameter_rule *parameter_rule; /* NULL: parameters keep their values, inputs aside */
+    ncgen_inspection *inspection;         /* NULL: nobody asks */
 } ncgen_options;
 
 typedef struct ncgen_statistics {

@@ -22,8 +22,8 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     r->constrained = w;
     w->iterated = r->options->formalism == NCGEN_AUGMENTED_LAGRANGIAN || (d->singular_mass && r->options->formalism != NCGEN_PENALTY);
     r->ny = r->error_size = 2 * r->n + 1;
-    r->q = ncgen_take(space, r->n);
-    r->qd = ncgen_take(space, r->n);
+    r->qd = ncgen_take(space, 2 * r->n); /* as in y */
+    r->q = r->qd ? r->qd + r->n : NULL;
     w->n_mass = ncgen_nonzeros(&r->model->mass_pattern);
     w->n_phi_q = ncgen_nonzeros(&r->model->phi_q_pattern);
     ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q, space);
@@ -209,6 +209,17 @@ void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *
         ncgen_tree_velocities(r, &w->tree, t, q, qd, out);
 }
 
+int ncgen_recursive_projected(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
+{
+    const ncgen_motion *motion = r->constrained->motion;
+    const int comes_along = motion && motion->projected && ncgen_read_inputs(r, t) == NCGEN_OK;
+    if (comes_along)
+        motion->projected(t, q, qd, r->p, out);
+    else
+        ncgen_recursive_velocities(r, t, q, qd, out);
+    return comes_along;
+}
+
 void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
 {
     ncgen_constrained *w = r->constrained;
@@ -236,23 +247,40 @@ void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_r
 
 const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen)
 {
-    return ncgen_tree_along(&r->constrained->tree, chosen);
+    return ncgen_tree_along(r, &r->constrained->tree, chosen);
 }
 
-/* The state derivative by the recursion; 0 where its order of elimination is a bad one. */
-static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
+/* The derivative of the state (q, qd) by the recursion; 0 where its order of elimination is a bad one. */
+static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
     if (ncgen_read_inputs(r, t) != NCGEN_OK)
         return 0; /* the same is found again, and reported, on the way by the matrix */
-    ncgen_recursive_derivative(r, t, r->q, r->qd, w->emitted);
+    ncgen_recursive_derivative(r, t, q, qd, w->emitted);
     w->pivot_growth = w->emitted[2 * n + 1];
     if (ncgen_has_pivot_growth(r, w->pivot_growth))
         return 0;
     ncgen_copy(n, w->emitted, yd + n);
     ncgen_copy(n, w->emitted + n, yd);
     yd[2 * n] = w->emitted[2 * n];
+    w->has_phi_q = 0;
+    r->statistics->evaluations += 1;
+    return 1;
+}
+
+int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd)
+{
+    ncgen_constrained *w = r->constrained;
+    const int n = r->n;
+    if (!w->came_along || ncgen_has_pivot_growth(r, w->emitted[n]))
+        return 0;
+    w->pivot_growth = w->emitted[n];
+    w->is_factored = w->has_phi_q = 0;
+    r->statistics->evaluations += 1;
+    ncgen_copy(n, w->emitted, yd + n);
+    ncgen_copy(n, w->emitted + n + 1, yd);
+    yd[2 * n] = w->emitted[2 * n + 1];
     return 1;
 }
 
@@ -267,21 +295,25 @@ static int choose_form(ncgen_run *r, ncgen_scalar t)
     }
     w->uses_matrix = !(w->pivot_growth < ncgen_pivot_growth_limit(r, soon_bad));
     r->projects_stages = !(w->pivot_growth < usual);
+    if (w->uses_matrix && w->redundant && w->is_prepared) {
+        const int status = ncgen_constrained_matrices(r, t);
+        if (status != NCGEN_OK)
+            return status;
+        w->has_phi_q = 0;
+        ncgen_constrained_rows(r, 0);
+    }
     return NCGEN_OK;
 }
 
-static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
+/* In a stage r->q, r->qd may stay those of another state. */
+static int stage_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
-    ncgen_copy(n, y, r->qd);
-    ncgen_copy(n, y + n, r->q);
-    w->is_factored = !w->is_recursive || w->uses_matrix || !by_recursion(r, t, yd);
-    if (!w->is_factored) {
-        w->has_phi_q = 0;
-        r->statistics->evaluations += 1;
+    w->is_factored = !w->is_recursive || w->uses_matrix || !by_recursion(r, t, y + n, y, yd);
+    if (!w->is_factored)
         return NCGEN_OK;
-    }
+    ncgen_copy(2 * n, y, r->qd);
     r->statistics->fallbacks += w->is_recursive;
     const int status = ncgen_constrained_accelerations(r, t);
     if (status != NCGEN_OK)
@@ -289,6 +321,12 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     ncgen_copy(n, w->solution, yd);
     ncgen_copy(n, r->qd, yd + n);
     return ncgen_constrained_power(r, t, yd + 2 * n);
+}
+
+static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
+{
+    ncgen_copy(2 * r->n, y, r->qd);
+    return stage_derivative(r, t, y, yd);
 }
 
 /* A matrix without factors is left as it is: the evaluation that follows finds the same, and reports it. */
@@ -307,6 +345,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     const int n = r->n;
     const ncgen_scalar t = r->times[0];
     r->derivative = derivative;
+    r->stage_derivative = stage_derivative;
     ncgen_copy(n, velocities, r->y);
     ncgen_copy(n, r->start_q, r->y + n);
     ncgen_copy(n, velocities, r->start_qd);

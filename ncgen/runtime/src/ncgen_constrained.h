@@ -15,7 +15,7 @@ typedef int ncgen_tree_work;
 #define ncgen_tree_is_in_closed_form(w) ((void)(w), 0)
 #define ncgen_tree_joints(tree) ((void)(tree), 0)
 #define ncgen_tree_measure(r, w, velocities, chosen) ((void)(r), (void)(w), (void)(velocities), (void)(chosen))
-#define ncgen_tree_along(w, chosen) ((void)(w), (void)(chosen), NULL)
+#define ncgen_tree_along(r, w, chosen) ((void)(r), (void)(w), (void)(chosen), NULL)
 #endif
 
 typedef struct ncgen_constrained {
@@ -26,9 +26,10 @@ typedef struct ncgen_constrained {
     const ncgen_motion *motion;                /* it is emitted, or NULL: it is that of `tree` */
     ncgen_tree_work tree;
     ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
-    ncgen_real *offset;                        /* n: a position, and how far another one is from it */
+    ncgen_real *offset;                        /* n: how far a position is from another one */
     ncgen_real *closed_position;               /* n: for a tape, where closing brought the last state, before it was moved on */
     ncgen_real moved_at_once;                  /* how far closing moved a position, in natural sizes; -1: it took more than one step */
+    int came_along;                            /* emitted has the derivative at r->q, r->qd: ncgen_motion.projected */
     ncgen_real pivot_growth;                   /* of its elimination, where it was called last */
     int uses_matrix;                           /* this step goes without it */
     int is_prepared;                           /* are sizes and diagonal of the matrix known? */
@@ -72,6 +73,8 @@ int ncgen_constrained_is_dense(const ncgen_run *r);
 /* The functions of an ncgen_motion, emitted or by tables. */
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
+int ncgen_recursive_projected(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out); /* 0: velocities alone */
+int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd); /* the derivative that came along with the last ones; 0 where there is none */
 void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out);
 int ncgen_recursive_joints(const ncgen_run *r); /* of ncgen_tree.h where loops over its tables give the motion, else 0 */
 void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_real *chosen); /* of ncgen_tree.h */

@@ -7,6 +7,7 @@
  * Coordinates and rows are measured in their natural sizes throughout.
  */
 #include "ncgen_dense.h"
+#include "ncgen_positive.h"
 
 /* A matrix by columns, with its reflections below the diagonal. */
 typedef struct orthogonal {

@@ -1,6 +1,8 @@
 /* ncgen_explicit.c: explicit Runge-Kutta methods: with error control and dense output, or with a fixed step. */
 #include "ncgen_explicit.h"
 #include "ncgen_constrained.h"
+#include "ncgen_method.h"
+#include "ncgen_step_rules.h"
 #include "ncgen_stiffness.h"
 
 enum { REPEAT_LIMIT = 8 };
@@ -14,11 +16,11 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
     w->repeated = w->stiff = w->not_stiff = w->tiny = 0;
 }
 
-/* new_y onto the constraints; at the end of a step the statistics get how far it was moved. */
-static int project_state(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, int is_end)
+/* The derivative of new_y, brought onto the constraints; at the end of a step the statistics get how far it was moved. */
+static int projected_derivative(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, int is_end, ncgen_real *yd)
 {
     const ncgen_real largest = r->statistics->largest_projection;
-    const int status = r->project_state(r, t, w->new_y, w->repeated);
+    const int status = ncgen_end_derivative(r, t, w->new_y, w->repeated, yd);
     if (!is_end)
         r->statistics->largest_projection = largest;
     return status;
@@ -71,11 +73,12 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
         ncgen_advance_by_stages(r, w, h, s, method->a[s], w->new_y);
         if (tape)
             tape_stage(r, method, s, w->new_y);
-        int status = ncgen_report_attempt(r, t + method->c[s] * h);
-        if (status == NCGEN_OK && (s == last || projects) && r->project_state)
-            status = project_state(r, w, t + method->c[s] * h, s == last);
-        if (status == NCGEN_OK)
-            status = r->derivative(r, t + method->c[s] * h, w->new_y, ncgen_stage_derivative(r, w, s));
+        const ncgen_scalar at = t + method->c[s] * h;
+        int status = ncgen_report_attempt(r, at);
+        if (status == NCGEN_OK && (s == last || projects))
+            status = projected_derivative(r, w, at, s == last, ncgen_stage_derivative(r, w, s));
+        else if (status == NCGEN_OK)
+            status = r->stage_derivative(r, at, w->new_y, ncgen_stage_derivative(r, w, s));
         if (status != NCGEN_OK)
             return status;
     }
@@ -140,7 +143,7 @@ static int try_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncge
 
 static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 {
-    const ncgen_scalar end = r->times[r->n_times - 1], power = -1 / (ncgen_scalar)(method->order + 1);
+    const ncgen_scalar end = r->times[r->n_times - 1];
     ncgen_scalar t = r->times[0];
     ncgen_scalar h = r->options->first_step > 0 ? r->options->first_step : ncgen_first_step(r, w, method->order, t, end - t);
     int repeats = 0, rejected = 0, near = 0, stiff = 0, trouble = NCGEN_STEP_TOO_SHORT;
@@ -167,7 +170,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             h *= R(0.25);
             continue;
         }
-        ncgen_real factor = error > 0 ? R(0.9) * NCGEN_POW(error, power) : R(10.0);
+        ncgen_real factor = ncgen_length_factor(error, method->order);
         if (!(error < R(1.0))) {
             r->statistics->rejected += 1;
             r->uses_exchanges = rejected; /* again: it may be rounding */
@@ -246,8 +249,7 @@ int ncgen_explicit(ncgen_run *r, ncgen_stepping *w)
         status = ncgen_grid_begin(r, w);
     if (status != NCGEN_OK)
         return status;
-    const int is_fixed = method->n_errors == 0 || !(r->options->rtol > 0 || r->options->atol > 0);
-    if (is_fixed)
+    if (ncgen_is_fixed_explicit(r->options))
         return run_fixed(r, w, method);
     if (ncgen_begins_stiff(r, w, method)) {
         r->statistics->stiff += 1;

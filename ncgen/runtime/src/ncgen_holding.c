@@ -8,8 +8,10 @@
 static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
 {
     const ncgen_real now = ncgen_speed(i, i->moment->qd), before = ncgen_speed(i, i->arrived), speed = now > before ? now : before;
-    if (hold->kind == NCGEN_HOLDS_CONTACT)
-        return ncgen_contact_is_still(i, ncgen_rubbing_of(i->events, (int)(hold - i->events->holds)), speed);
+    if (hold->kind == NCGEN_HOLDS_CONTACT) {
+        const ncgen_slide slide = ncgen_slide_at(i, ncgen_rubbing_of(i->events, (int)(hold - i->events->holds)));
+        return ncgen_slide_is_still(&slide, speed);
+    }
     return ncgen_is_still_along(i, hold->condition, ncgen_is_gap(hold), speed);
 }
 
@@ -240,7 +242,11 @@ static int describe(ncgen_instant *i, const int *happened, const int *resting, i
         has_happened[h] = !is_lock && happened[k] && !(rubbing && rubbing->directions > 1);
         rests[h] = !is_lock && ((is_gap && resting[k]) || (before[h] && !was_hit) || ncgen_flags(e, i->passage, NCGEN_STUCK)[h]);
         closed[h] = is_gap && ncgen_is_closed(i, k);
-        still[h] = !is_lock && (is_still(i, hold) || (rubbing && rubbing->turn >= 0 && happened[rubbing->turn] && ncgen_is_unseen(i, rubbing)));
+        still[h] = !is_lock && is_still(i, hold);
+        if (rubbing && rubbing->turn >= 0 && happened[rubbing->turn] && !still[h]) {
+            const ncgen_slide slide = ncgen_slide_at(i, rubbing);
+            still[h] = ncgen_slide_is_unseen(&slide);
+        }
         int opposed = 0;
         if (rubbing && still[h] && !before[h])
             status = ncgen_is_opposed(i, rubbing, ncgen_flags(e, i->passage, NCGEN_RELEASED), &opposed);

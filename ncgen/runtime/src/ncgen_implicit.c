@@ -1,4 +1,4 @@
-/* ncgen_implicit.c: linear systems of implicit methods.
+/* ncgen_implicit.c: linear systems of implicit methods, and which steps they allow.
  *
  * Newton's method solves (s - J) x = f for numbers s of the method, one of them complex. Since positions change with the
  * velocities, x' = v, half of the unknowns go: (s - J_v - J_x / s) v = f_v + J_x f_x / s. A complex system is solved as a
@@ -159,4 +159,24 @@ int ncgen_implicit_begin(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     if (status == NCGEN_OK)
         (void)ncgen_accept(r, r->times[0], r->y);
     return status == NCGEN_OK ? ncgen_grid_begin(r, w) : status;
+}
+
+ncgen_scalar ncgen_halved_step(ncgen_implicit *m, ncgen_scalar h)
+{
+    m->factored = 0;
+    m->failed_step = h;
+    m->relief = 1;
+    return R(0.5) * h;
+}
+
+ncgen_scalar ncgen_most_growth(ncgen_implicit *m, ncgen_scalar h)
+{
+    const ncgen_scalar usual = R(10.0), most = R(0.75) * m->failed_step / h;
+    if (!(m->failed_step > 0) || most > usual) {
+        m->failed_step = 0;
+        return usual;
+    }
+    m->relief = R(1.01) + R(1.3) * (m->relief - 1);
+    m->failed_step *= m->relief;
+    return most > 1 ? most : 1;
 }

@@ -33,6 +33,7 @@ typedef struct ncgen_implicit {
     ncgen_real rate;
     ncgen_scalar last_step;      /* accepted, and its error; 0 if there is none */
     ncgen_real last_error;
+    ncgen_scalar failed_step, relief; /* the last at which Newton's method did not converge, or 0; by which factor that bound is relaxed */
 } ncgen_implicit;
 
 void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);
@@ -42,6 +43,11 @@ int ncgen_implicit_jacobian(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t, ncg
 /* Factor s - J for s = a + ib; parts: 1 where s is real, 2 else. Then x of (s - J) x = f; real parts of f and x come first. */
 int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int parts, ncgen_scalar a, ncgen_scalar b);
 void ncgen_shifted_solve(ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x);
+
+/* The step after one at which Newton's method did not converge, and by which factor a step may grow: those after a failure stay shorter than
+ * it, or each would fail and be halved again. That bound is relaxed, slowly at first. */
+ncgen_scalar ncgen_halved_step(ncgen_implicit *m, ncgen_scalar h);
+ncgen_scalar ncgen_most_growth(ncgen_implicit *m, ncgen_scalar h);
 
 /* The methods, one a file: a run over the grid. */
 int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);

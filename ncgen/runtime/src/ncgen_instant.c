@@ -34,6 +34,7 @@ void ncgen_open_instant(ncgen_instant *i, const ncgen_driven *d, const ncgen_eve
     i->kept = ncgen_take(&space, n);
     i->prior = ncgen_take(&space, n);
     i->arrived = ncgen_take(&space, n);
+    i->unseen = ncgen_take(&space, n);
     ncgen_copy(n, moment->qd, i->arrived);
     i->sliding = ncgen_take(&space, events->n_sliding * (n + 1));
     i->numbers = space.base + space.used; /* the rest */

@@ -18,7 +18,7 @@ typedef struct ncgen_instant {
     ncgen_real *derivatives;                     /* count x (2 n + 1) */
     ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
     ncgen_real *kept, *prior, *numbers;          /* n, n: velocities before what is noted, what actions set */
-    ncgen_real *arrived;                         /* n: velocities before the instant */
+    ncgen_real *arrived, *unseen;                /* n, n: velocities before the instant, and those that steps do not tell from none */
     ncgen_real *sliding;                         /* n_sliding velocities at which contacts slide, and of each its derivatives by qd */
     /* of an impact, as ncgen_impact has them: gaps that take part, and what is known of them */
     ncgen_real *velocities, *impulses, *lost, *terms, *coefficients, *space;

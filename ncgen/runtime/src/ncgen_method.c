@@ -35,7 +35,8 @@ int ncgen_is_implicit(const ncgen_options *options)
 
 int ncgen_is_fixed_explicit(const ncgen_options *options)
 {
-    return facts[options->method].has_fixed_step && !ncgen_is_stepper(options) && !ncgen_is_implicit(options);
+    const int is_fixed = facts[options->method].has_fixed_step || !(options->rtol > 0 || options->atol > 0);
+    return is_fixed && !ncgen_is_stepper(options) && !ncgen_is_implicit(options);
 }
 
 int ncgen_is_possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)

@@ -6,7 +6,7 @@
 
 int ncgen_is_stepper(const ncgen_options *options); /* does the method discretise the constrained equations themselves? */
 int ncgen_is_implicit(const ncgen_options *options); /* does it integrate the state derivative with its Jacobian? */
-int ncgen_is_fixed_explicit(const ncgen_options *options); /* is it explicit, with steps of a length that is given? */
+int ncgen_is_fixed_explicit(const ncgen_options *options); /* is it explicit, with steps of a given length, its own or without tolerances? */
 int ncgen_is_reduced(const ncgen_dynamics *dynamics, const ncgen_options *options); /* does it solve for degrees of freedom alone? */
 int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 

@@ -7,6 +7,7 @@
  */
 #include "ncgen_lu.h"
 #include "ncgen_partitioning.h"
+#include "ncgen_positive.h"
 
 /* An amplification that leaves no digit of the solution. */
 static const ncgen_scalar max_amplification = R(1.0e30);
@@ -382,7 +383,7 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
 {
     ncgen_partitioning *w = r->partitioning;
     const ncgen_partition *d = &w->positions->of;
-    r->derivative = derivative;
+    r->derivative = r->stage_derivative = derivative;
     r->accept = accept;
     r->state = state;
     for (int k = 0; k < 2; ++k) {

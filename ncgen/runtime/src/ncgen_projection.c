@@ -193,14 +193,14 @@ static int close_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
     return STAYS_OPEN;
 }
 
-/* r->q moved along the constraints to where it is nearest to w->offset: by the part of the difference that the joints allow. A
- * difference up to `enough`, in natural sizes, stays. */
-static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
+/* r->q moved along the constraints to where it is nearest to q: by the part of the difference that the joints allow. A difference up to
+ * `enough`, in natural sizes, stays. */
+static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const ncgen_real *q, ncgen_scalar enough)
 {
     const int n = r->n;
     ncgen_real *moved = w->emitted, *driven = w->emitted + n + 1;
     for (int i = 0; i < n; ++i)
-        w->offset[i] -= r->q[i];
+        w->offset[i] = q[i] - r->q[i];
     const ncgen_real length = ncgen_constrained_size(r, w->offset);
     if (length <= enough)
         return 1;
@@ -217,23 +217,27 @@ static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, ncgen_sc
     return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t) != STAYS_OPEN);
 }
 
-/* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below, both are
- * changed as little as can be in the sense of kinetic energy, a position up to `enough`. Where it follows from measured coordinates, these
- * stay as they were integrated, each to the same order as all others; an emitted one with a tape is moved all the same, as the sweep back
- * over the tape has it. */
-static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
+/* Position and velocity of the state y by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below,
+ * both are changed as little as can be in the sense of kinetic energy, a position up to `enough`. Where it follows from measured coordinates,
+ * these stay as they were integrated, each to the same order as all others; an emitted one with a tape is moved all the same, as the sweep
+ * back over the tape has it. The derivative comes along if it is wanted and there is a function for both. */
+static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const ncgen_real *y, ncgen_scalar enough, int wants_derivative)
 {
-    ncgen_copy(r->n, r->q, w->offset);
+    const ncgen_real *qd = y, *q = y + r->n;
+    ncgen_copy(r->n, q, r->q);
     const int closing = close_position(r, w, t);
     if (closing == STAYS_OPEN)
         return 0;
     if (w->closed_position)
         ncgen_copy(r->n, r->q, w->closed_position);
     const int stays = closing == IS_IN_PLACE && !(w->motion && w->closed_position);
-    if (!stays && !approach(r, w, t, enough))
+    if (!stays && !approach(r, w, t, q, enough))
         return 0;
     w->moved_at_once = stays ? w->moved_at_once : -1;
-    ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
+    if (wants_derivative)
+        w->came_along = ncgen_recursive_projected(r, t, r->q, qd, w->emitted);
+    else
+        ncgen_recursive_velocities(r, t, r->q, qd, w->emitted);
     ncgen_copy(r->n, w->emitted, r->qd);
     return ncgen_is_finite(r->n, r->qd);
 }
@@ -246,60 +250,62 @@ static int is_repeated_first(const ncgen_run *r, int precise)
     return !precise && w->is_recursive && !w->motion && !w->uses_matrix && r->dynamics->tree && r->dynamics->tree->n_closing;
 }
 
-/* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none; enough: as above;
- * precise: whether nothing is tried before the matrix but the recursion. */
-static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near, ncgen_scalar enough, int precise)
+/* Position and velocity of the state y onto the constraints, in r->q and r->qd, with the factors of a nearby state unless there are none;
+ * enough, wants_derivative: as above; precise: whether nothing is tried before the matrix but the recursion. */
+static int project(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factors_are_near, ncgen_scalar enough, int precise,
+                   int wants_derivative)
 {
     ncgen_constrained *w = r->constrained;
-    int status = NCGEN_OK;
-    ncgen_copy(r->n, y, r->qd);
-    ncgen_copy(r->n, y + r->n, r->q);
-    if (!w->is_recursive || w->uses_matrix || !close_by_recursion(r, w, t, enough)) {
-        if (is_repeated_first(r, precise))
-            return NCGEN_NOT_CONVERGED;
-        ncgen_copy(r->n, y, r->qd);
-        ncgen_copy(r->n, y + r->n, r->q);
-        const long steps = r->statistics->newton_steps;
-        w->moved_at_once = -1;
-        status = factors_are_near ? NCGEN_OK : refresh(r, t);
-        if (status == NCGEN_OK)
-            status = project_position(r, t, !factors_are_near);
-        const int has_moved = r->statistics->newton_steps > steps + 1; /* so that the factors are those of another place */
-        if (status == NCGEN_OK && !factors_are_near && has_moved)
-            status = refresh(r, t);
-        if (status == NCGEN_OK)
-            status = ncgen_project_velocity(r, t);
-    }
-    ncgen_copy(r->n, r->qd, y);
-    ncgen_copy(r->n, r->q, y + r->n);
-    return status;
+    w->came_along = 0;
+    if (w->is_recursive && !w->uses_matrix && close_by_recursion(r, w, t, y, enough, wants_derivative))
+        return NCGEN_OK;
+    if (is_repeated_first(r, precise))
+        return NCGEN_NOT_CONVERGED;
+    ncgen_copy(2 * r->n, y, r->qd);
+    const long steps = r->statistics->newton_steps;
+    w->came_along = 0;
+    w->moved_at_once = -1;
+    int status = factors_are_near ? NCGEN_OK : refresh(r, t);
+    if (status == NCGEN_OK)
+        status = project_position(r, t, !factors_are_near);
+    const int has_moved = r->statistics->newton_steps > steps + 1; /* so that the factors are those of another place */
+    if (status == NCGEN_OK && !factors_are_near && has_moved)
+        status = refresh(r, t);
+    return status == NCGEN_OK ? ncgen_project_velocity(r, t) : status;
 }
 
 /* precise: with the factors of this state */
-int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
+int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
-    ncgen_copy(r->n, y + r->n, w->solution);
-    const int status = project(r, t, y, w->is_factored && !ncgen_constrained_is_dense(r) && !precise, 0, precise);
-    ncgen_real moved = w->moved_at_once;
-    for (int i = 0; i < r->n && moved < 0; ++i)
-        w->solution[i] -= y[r->n + i];
-    if (moved < 0)
-        moved = ncgen_constrained_size(r, w->solution);
-    if (status == NCGEN_OK && moved > r->statistics->largest_projection)
-        r->statistics->largest_projection = moved;
+    const int n = r->n, has_factors = w->is_factored && !ncgen_constrained_is_dense(r) && !precise;
+    const int status = project(r, t, y, has_factors, 0, precise, yd != NULL);
     w->has_phi_q = status == NCGEN_OK && w->is_factored;
-    if (status == NCGEN_OK && w->is_factored)
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_real moved = w->moved_at_once;
+    if (moved < 0) {
+        for (int i = 0; i < n; ++i)
+            w->solution[i] = r->q[i] - y[n + i];
+        moved = ncgen_constrained_size(r, w->solution);
+    }
+    if (moved > r->statistics->largest_projection)
+        r->statistics->largest_projection = moved;
+    ncgen_copy(2 * n, r->qd, y);
+    if (w->is_factored)
         ncgen_constrained_rows(r, 1);
-    return status;
+    return !yd || ncgen_recursive_taken(r, yd) ? NCGEN_OK : r->derivative(r, t, y, yd);
 }
 
 int ncgen_projected_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
     r->constrained->is_reusable = 0;
-    if (r->options->project || ncgen_is_stepper(r->options))
-        return project(r, t, y, 0, r->options->rtol, 1); /* what is looked at is not gone on from */
-    ncgen_copy(r->n, y, r->qd);
-    ncgen_copy(r->n, y + r->n, r->q);
-    return NCGEN_OK;
+    if (!r->options->project && !ncgen_is_stepper(r->options)) {
+        ncgen_copy(2 * r->n, y, r->qd);
+        return NCGEN_OK;
+    }
+    const int status = project(r, t, y, 0, r->options->rtol, 1, 0); /* what is looked at is not gone on from */
+    if (status == NCGEN_OK)
+        ncgen_copy(2 * r->n, r->qd, y);
+    return status;
 }

@@ -14,7 +14,7 @@ int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t); /* r->qd onto their ra
 int ncgen_project_velocity_along(ncgen_run *r, ncgen_scalar t, ncgen_real *kept);
 
 /* As members of a run: a new state onto the constraints, precise with the factors of its own place; an interpolated state. */
-int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise);
+int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd);
 int ncgen_projected_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y);
 
 #endif

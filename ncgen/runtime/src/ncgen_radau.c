@@ -234,9 +234,7 @@ static ncgen_real step_factor(const ncgen_implicit *m, ncgen_scalar h, ncgen_rea
 /* A converged step whose error is small enough becomes the state. */
 static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
 {
-    int status = r->project_state ? r->project_state(r, t + h, w->new_y, 0) : NCGEN_OK;
-    if (status == NCGEN_OK)
-        status = r->derivative(r, t + h, w->new_y, w->stage_derivatives + r->ny);
+    const int status = ncgen_end_derivative(r, t + h, w->new_y, 0, w->stage_derivatives + r->ny);
     if (status != NCGEN_OK)
         return status;
     if (!ncgen_is_finite(r->ny, w->new_y) || !ncgen_is_finite(r->ny, w->stage_derivatives + r->ny))
@@ -259,6 +257,7 @@ static int begin_anew(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t)
     m->factored = 0;
     m->last_step = 0;
     m->last_error = 0;
+    m->failed_step = 0;
     return status;
 }
 
@@ -351,8 +350,7 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             if (++repeats > REPEAT_LIMIT || (all > ALL_REPEATS_LIMIT && all > r->statistics->steps / 2))
                 return trouble;
             r->uses_exchanges = repeats > 1; /* again: it may be rounding */
-            m->factored = 0;
-            h *= R(0.5);
+            h = ncgen_halved_step(m, h);
             continue;
         }
         const ncgen_scalar safety = R(0.9) * (2 * ITERATION_LIMIT + 1) / (ncgen_scalar)(2 * ITERATION_LIMIT + m->iterations);
@@ -370,7 +368,7 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         repeats = rejected = m->is_current = 0;
         m->last_step = h;
         m->last_error = error;
-        const ncgen_scalar t_new = last ? goal : t + h, growth = factor > R(10.0) ? R(10.0) : factor;
+        const ncgen_scalar t_new = last ? goal : t + h, most = ncgen_most_growth(m, h), growth = factor > most ? most : factor;
         status = ncgen_grid_step(r, w, t, t_new);
         if (status != NCGEN_OK || r->statistics->stopped)
             return status;

@@ -12,7 +12,7 @@
 enum { BESIDES = 3, ITERATIONS = 2 };
 
 /* Shares that have grown this much ask for another choice; by how much the first row is preferred to the last one. */
-static const ncgen_scalar much_larger = R(10.0), preference = R(1.0e-6);
+static const ncgen_scalar much_larger = R(2.0), preference = R(1.0e-6);
 
 int ncgen_combination_count(int m, int rank)
 {
@@ -171,18 +171,19 @@ int ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w)
     return status;
 }
 
-/* All rows that are left out are added up, with signs in turn, and found as a sum of those that count. */
+/* All rows that are left out are added up, with factors that do not cancel, and found as a sum of those that count. */
 int ncgen_rows_are_good(ncgen_run *r, ncgen_constrained *w)
 {
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
     const ncgen_real *values = w->kkt.values + w->n_mass;
-    ncgen_real largest = 0, sign = 1;
+    ncgen_real largest = 0;
+    unsigned seed = 1;
     for (int i = 0; i < r->n + r->m; ++i)
         w->probe[i] = 0;
     for (int i = 0; i < r->m; ++i) {
+        const ncgen_scalar part = ncgen_next_random(&seed) / r->dynamics->row_sizes[i];
         for (int k = phi_q->indptr[i]; k < (w->is_left_out[i] ? phi_q->indptr[i + 1] : phi_q->indptr[i]); ++k)
-            w->probe[phi_q->indices[k]] += sign * values[k] / r->dynamics->row_sizes[i];
-        sign = w->is_left_out[i] ? -sign : sign;
+            w->probe[phi_q->indices[k]] += part * values[k];
     }
     ncgen_kkt_solve(&w->kkt, w->probe, w->probe);
     for (int i = 0; i < r->m; ++i) {

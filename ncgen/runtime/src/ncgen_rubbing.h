@@ -6,17 +6,15 @@
 #include "ncgen_active.h"
 #include "ncgen_held.h"
 #include "ncgen_impacts.h"
+#include "ncgen_sliding.h"
 
 /* The contact that sticks where this is held. */
 const ncgen_rubbing *ncgen_rubbing_of(const ncgen_events *events, int hold);
 
-/* Does a contact not slide, but for rounding, at most this velocity in natural sizes being the greatest? */
-int ncgen_contact_is_still(const ncgen_instant *i, const ncgen_rubbing *rubbing, ncgen_real speed);
+/* A contact at the moment that was looked at. */
+ncgen_slide ncgen_slide_at(const ncgen_instant *i, const ncgen_rubbing *rubbing);
 
-/* Is a contact in space, whose direction has turned, slower than steps may miss around rest? */
-int ncgen_is_unseen(const ncgen_instant *i, const ncgen_rubbing *rubbing);
-
-/* Note in which directions contacts slide, before it is chosen what is held. */
+/* Note in which directions contacts slide, and which velocities steps do not tell from none, before it is chosen what is held. */
 void ncgen_keep_slip(const ncgen_instant *i);
 
 /* The forces of contacts of `which` (n_holds), along which they would begin to slide, from the held_conditions. */

@@ -17,6 +17,7 @@ typedef struct parts {
     ncgen_stepping stepping;
     ncgen_implicit_workspace implicit;
     int is_implicit;
+    ncgen_real *inspected; /* values of phi_q, and of nu, for an inspection */
 } parts;
 
 /* The parts of a run and its workspace; with an empty space this only counts. */
@@ -31,6 +32,7 @@ static void lay_out(ncgen_run *r, parts *w)
     w->is_implicit = ncgen_implicit_run_layout(r, &w->stepping, &w->implicit);
     if (!w->is_implicit)
         ncgen_explicit_layout(r, &w->stepping);
+    w->inspected = r->options->inspection ? ncgen_take(&r->space, ncgen_nonzeros(&r->model->phi_q_pattern) + r->m) : NULL;
 }
 
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
@@ -92,12 +94,65 @@ int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dyna
     return status == NCGEN_OK ? r.jacobian(&r, t, r.y, jacobian) : status;
 }
 
+/* What velocities leave of phi_q qd = nu, relative to row_sizes, in *remainder if it is the largest so far. Velocities of rest satisfy rows
+ * without drivers and rolling conditions. */
+static int look_for_remainder(const ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *phi_q,
+                              ncgen_real *remainder)
+{
+    ncgen_real *nu = phi_q + ncgen_nonzeros(&r->model->phi_q_pattern);
+    int status = NCGEN_OK, is_moved = r->dynamics->rolling != NULL;
+    if (!r->model->nu && !is_moved)
+        return NCGEN_OK;
+    for (int i = 0; i < r->m; ++i)
+        nu[i] = 0;
+    if (r->model->nu)
+        status = r->model->nu(t, q, r->p, nu);
+    for (int i = 0; i < r->m; ++i)
+        is_moved |= nu[i] != 0;
+    if (status != NCGEN_OK || !is_moved)
+        return status;
+    status = ncgen_phi_q(r, t, q, phi_q);
+    for (int i = 0; i < r->m; ++i) {
+        const ncgen_real rest = NCGEN_ABS(ncgen_row_times(&r->model->phi_q_pattern, phi_q, qd, i) - nu[i]) / r->dynamics->row_sizes[i];
+        if (rest > *remainder || rest != rest)
+            *remainder = rest;
+    }
+    return status;
+}
+
+/* The inspection of a run that has written all its rows; times: of these. */
+static void inspect(const ncgen_run *r, const ncgen_scalar *times, ncgen_real *phi_q, ncgen_inspection *result)
+{
+    ncgen_real first = 0, change = 0, kinetic = 0, remainder = 0;
+    for (int k = 0; k < result->count; ++k) {
+        const int row = result->rows[k];
+        const ncgen_real *q = r->out_q + (size_t)row * (size_t)r->n, *qd = r->out_qd + (size_t)row * (size_t)r->n;
+        ncgen_real energies[3] = {0};
+        if ((r->model->energy && r->model->energy(times[row], q, qd, r->p, energies) != NCGEN_OK)
+            || look_for_remainder(r, times[row], q, qd, phi_q, &remainder) != NCGEN_OK)
+            return;
+        const ncgen_real total = energies[0] + energies[1] - r->out_work[row];
+        first = k ? first : total;
+        const ncgen_real away = NCGEN_ABS(total - first);
+        if (away > change || away != away)
+            change = away;
+        kinetic = energies[0] > kinetic ? energies[0] : kinetic;
+    }
+    result->energy = first;
+    result->change = change;
+    result->kinetic = kinetic;
+    result->remainder = remainder;
+    result->is_known = change - change == 0 && remainder - remainder == 0;
+}
+
 int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
                    const ncgen_real *p, const ncgen_real *q, const ncgen_real *velocities, int n_times,
                    const ncgen_scalar *times, ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work, int *rows,
                    ncgen_statistics *statistics, ncgen_real *workspace, int *integers)
 {
     *rows = 0;
+    if (options->inspection)
+        options->inspection->is_known = 0;
     if (n_times < 2 || !ncgen_is_possible(model, dynamics, options) || !is_ascending(n_times, times))
         return NCGEN_ARGUMENT;
     parts w;
@@ -119,5 +174,7 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     ncgen_copy(r.n, r.start_q, out_q + (size_t)n_times * (size_t)r.n);
     ncgen_copy(r.n, r.start_qd, out_qd + (size_t)n_times * (size_t)r.n);
     out_work[n_times] = r.start_work;
+    if (options->inspection && r.rows == n_times && !r.is_driven && !options->parameter_rule)
+        inspect(&r, options->row_times ? options->row_times : times, w.inspected, options->inspection);
     return status == NCGEN_PIVOT && r.rows == n_times ? NCGEN_OK : status; /* other coordinates have nothing left to do */
 }

@@ -3,8 +3,23 @@
 #ifndef NCGEN_SLIDING_H
 #define NCGEN_SLIDING_H
 
+#include "ncgen_active.h"
 #include "ncgen_vectors.h"
 
+/* begin cdef */
+
+/* A contact that touches, at a moment. */
+typedef struct ncgen_slide {
+    int n;                       /* coordinates */
+    int directions;              /* 1 in the plane, 2 in space */
+    const ncgen_real *velocity;  /* at which it slides (m/s) */
+    const ncgen_real *gradients; /* directions x n: its derivatives by qd */
+    const ncgen_real *slip;      /* the direction so far, in space as long as the largest velocity that is known of the slide */
+    const ncgen_scalar *sizes;   /* n: natural sizes of coordinates */
+    const ncgen_real *unseen;    /* n: velocities that steps do not tell from none */
+} ncgen_slide;
+
+/* end cdef */
 /* begin functions */
 
 /* The next part of `count` things that slide, after the part that is chosen (count): those of fewer things come first, nothing (all 0) is the first
@@ -18,16 +33,21 @@ int ncgen_is_positive(ncgen_scalar determinant, ncgen_scalar plain);
  * of what a fixed step changes. */
 ncgen_scalar ncgen_unseen_velocity(ncgen_scalar rtol, ncgen_scalar atol, ncgen_scalar step, ncgen_scalar size, ncgen_scalar qd, ncgen_scalar qdd);
 
-/* The sliding velocity that steps may miss around rest, which unseen velocities change by so much. alone: a step may take the whole tolerance */
-ncgen_scalar ncgen_missed_speed(ncgen_scalar change, int alone);
+/* Does a contact not slide, but for rounding, at most this velocity in natural sizes being the greatest? */
+int ncgen_slide_is_still(const ncgen_slide *slide, ncgen_scalar speed);
 
-/* How long the direction is in which a contact in space begins to slide: much longer than the velocity that friction would give it over its
- * natural size at this deceleration, so that it keeps the direction until it is faster than what steps miss. */
-ncgen_scalar ncgen_first_length(ncgen_scalar deceleration, ncgen_scalar size, ncgen_scalar missed);
+/* Is a contact slower than steps may miss around rest? */
+int ncgen_slide_is_unseen(const ncgen_slide *slide);
 
-/* The largest velocity that is known of a slide: the one so far, the present one, and so much of its terms at least that rounding does not hide
- * that it comes to rest. */
-ncgen_scalar ncgen_largest_slide(ncgen_scalar so_far, ncgen_scalar speed, ncgen_scalar terms);
+/* How far a change of velocities (n) goes along the direction `way` (directions) in which a contact begins to slide. Another one that brings it
+ * about, as it begins to slide, is opposed to this one where that is negative: as rigid bodies move, it will not. */
+ncgen_real ncgen_along_slide(const ncgen_slide *slide, const ncgen_real *way, const ncgen_real *change);
+
+/* The direction in which a contact slides, a number among what may be held, written to slip (directions), where that so far stands.
+ * way: the force (N) along which it was released, or zeros; mobility: the greatest change of its velocity by an impulse of 1 N s; speed: the greatest
+ * velocity in natural sizes; alone: a step may take the whole tolerance */
+void ncgen_write_slip(const ncgen_slide *slide, const ncgen_active *active, int number, const ncgen_real *way, ncgen_scalar mobility,
+    ncgen_scalar speed, int alone, ncgen_real *slip);
 
 /* end functions */
 

@@ -157,6 +157,19 @@ ncgen_scalar ncgen_rounding(void)
     }
 }
 
+ncgen_options ncgen_options_of_calls(ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol)
+{
+    ncgen_options options = {0};
+    options.method = step > 0 ? NCGEN_RK4 : NCGEN_DOP853;
+    options.formalism = NCGEN_LAGRANGE;
+    options.project = 1;
+    options.rtol = rtol;
+    options.atol = atol;
+    options.max_step = step;
+    options.tolerance = 5000 * ncgen_rounding();
+    return options;
+}
+
 void ncgen_begin(ncgen_run *r)
 {
     ncgen_statistics *s = r->statistics;
@@ -194,6 +207,11 @@ int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
     r->uses_exchanges = 0;
     ncgen_save_state(r, t, y[r->error_size - 1]);
     return r->accept ? r->accept(r, t) : NCGEN_OK;
+}
+
+int ncgen_end_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd)
+{
+    return r->project_state ? r->project_state(r, t, y, precise, yd) : r->derivative(r, t, y, yd);
 }
 
 /* How many fixed steps of at most max_step make up a span; 0 if a number cannot count them. */

@@ -33,10 +33,11 @@ struct ncgen_run {
     ncgen_scalar start_t;
     ncgen_real *y;
 
-    /* The formalism. project_state brings a new state onto the constraints before its derivative is taken; accept looks at a
+    /* The formalism. project_state brings a new state onto the constraints and takes its derivative there, unless yd is NULL; accept looks at a
      * new state whose derivative is the last evaluation; state computes q and qd of an interpolated state. */
     int (*derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd);
-    int (*project_state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise);
+    int (*stage_derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd); /* the same, and r->q, r->qd may stay as they are */
+    int (*project_state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd);
     int (*accept)(ncgen_run *r, ncgen_scalar t);
     int (*state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y);
     /* For implicit methods: how the velocities' derivatives change with velocities and positions, row by row. */
@@ -66,11 +67,16 @@ static inline int ncgen_is_step(const ncgen_run *r, ncgen_scalar t, ncgen_scalar
 /* The rounding unit of numbers. */
 ncgen_scalar ncgen_rounding(void);
 
+/* Those of a motion from call to call: by RK4 in steps of this length, or by DOP853 within tolerances where it is 0. */
+ncgen_options ncgen_options_of_calls(ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol);
+
 /* A run without workspace; its state once that is known, or is being counted; and its first state. */
 void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 void ncgen_state_layout(ncgen_run *r);
 void ncgen_begin(ncgen_run *r);
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
+/* The derivative of a new state, first brought onto the constraints where the formalism does that. */
+int ncgen_end_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd);
 int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t); /* what drives the run, before forces at time t */
 int ncgen_choose(ncgen_run *r); /* parameters that follow from the last accepted position */
 void ncgen_save_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);

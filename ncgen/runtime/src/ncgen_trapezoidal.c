@@ -63,10 +63,8 @@ static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, 
         if (status == NCGEN_OK)
             status = correct_fixed(r, w, m, t, h);
     }
-    if (status == NCGEN_OK && r->project_state)
-        status = r->project_state(r, t + h, w->new_y, 0);
     if (status == NCGEN_OK)
-        status = r->derivative(r, t + h, w->new_y, w->stage_derivatives + r->ny);
+        status = ncgen_end_derivative(r, t + h, w->new_y, 0, w->stage_derivatives + r->ny);
     if (status == NCGEN_OK && !(ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, w->stage_derivatives + r->ny)))
         status = NCGEN_DOMAIN;
     return status;

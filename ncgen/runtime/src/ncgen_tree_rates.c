@@ -1,5 +1,6 @@
 /* ncgen_tree_rates.c: rates of the joints of an open tree from velocities of coordinates. */
 #include "ncgen_tree_rates.h"
+#include "ncgen_positive.h"
 
 enum { MOST_SCREWS = 6 };
 

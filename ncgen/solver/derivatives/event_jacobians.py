@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.active_in_c import sides_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call
 from ncgen.model.elements import coordinate_of
@@ -127,7 +128,7 @@ class EventJacobians:
     def _time_of(self, k: int, o: Occurrence, flow: np.ndarray, where: str) -> np.ndarray:
         """How the instant of one condition moves (N,)."""
         name = self._name(k, o.held_before)
-        if k > self.functions.count + count_of(self._held(o.held_before)) - 1:
+        if k >= self.functions.count + count_of(self._held(o.held_before)):
             raise self._none("stop", f"{where} ends the motion", "leave it out")
         derivatives = self.tangents.conditions(self.mode(o.before, o.held_before), self._held(o.held_before), o.before)[k]
         by_time, by_state = derivatives[0], derivatives[1:]
@@ -177,7 +178,7 @@ class EventJacobians:
         """What a condition belongs to."""
         if k < self.functions.count:
             return self.functions.conditions[k][0].split(maxsplit=1)[1]
-        owners = [each.name for each in self._held(held) for _ in range(count_of([each]))]
+        owners = [each.name for each in self._held(held) for _ in sides_of(each.kind)]
         return owners[min(k - self.functions.count, len(owners) - 1)]
 
     def _none(self, names: str, why: str, remedy: str) -> ModelError:

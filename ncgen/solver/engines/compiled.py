@@ -9,7 +9,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.listening import Progress
-from ncgen.mechanism.run_arguments import InitialState, Monitor
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.kkt import MAX_DENSE_UNKNOWNS
 from ncgen.solver.formalisms.projection import least_energy
@@ -26,7 +26,7 @@ from ncgen.solver.runs.tolerances import Tolerances
 
 if TYPE_CHECKING:
     from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-    from ncgen.mechanism.prepared_run import PreparedRun
+    from ncgen.mechanism.prepared_run import PreparedRun, RunCall
     from ncgen.mechanism.run_rows import Outcome
     from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
 from ncgen.solver.engines.acceleration_forms import all_coordinates
@@ -57,36 +57,16 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     Returns None, or why the run had to stop before the end of the grid: STIFFNESS_REASON where it was to end so. Raises DomainError where a
     term is not a number, ConvergenceError where steps become too short.
     """
-    method, grid, number, p = task.method, task.grid, task.number, task.p
-    dynamics = all_coordinates(kernels, number, form, method.integrator.name)
-    q, qd, work = task.q, task.velocities, 0.0
-    if dynamics.singular_mass and not dynamics.is_emitted and not task.first_step:
-        # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
-        # the step of a part before it has been checked.
-        key = q.tobytes(), float(grid[0]), p.tobytes()
-        kernels.remember("inertia of all motions", key, lambda: _all_have_inertia(kernels, q, float(grid[0]), p), REMEMBERED)
+    method, grid, p, work = task.method, task.grid, task.p, 0.0
     if len(path.q):
         q, qd, work = path.take_last()
-    begun = len(path.q)
-    times = grid[begun:] if begun else grid
-    done = _prepared(task, dynamics).simulate(
-        times,
-        InitialState(q, qd, p),
-        inputs=task.inputs_in_c(rule_of(kernels)),
-        monitor=Monitor(conditions=task.watched, progress=Progress(task.progress, kernels.name, task.arrival)),
-        movable=task.movable_from(begun),
-        rank=task.rank_at(kernels, q, times[0]),
-        errors=task.tolerances.errors,
-    )
+        begun = len(path.q)
+        call = _call(kernels, task, form, (begun, q, qd))
+    else:
+        begun, call = 0, task.calls.get((kernels, form)) or _whole_call(kernels, task, form)
+    done = call.simulate(Progress(task.progress, kernels.name, task.arrival))
     task.looked_at(begun, done.t)
-    all_work = done.work + work if work else done.work
-    path.extend(done.q, done.qd, all_work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
-    path.jacobians += done.jacobians
-    path.fallbacks += done.fallbacks
-    path.stiff += done.stiff
-    path.projections += done.steps if method.in_c["project"] else 0
-    path.largest_projection = max(path.largest_projection, done.largest_projection)
-    path.crossed, path.next_step = done.crossed, done.next_step
+    path.take_run(done, work, bool(method.in_c["project"]))
     if done.stopped:
         path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
     if done.status == "ok":
@@ -104,6 +84,42 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
             "comes to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
+
+
+def _whole_call(kernels: Kernels, task: Task, form: Form) -> RunCall:
+    """All of a task over all coordinates in C, kept with it for when it comes again."""
+    if task.kin is None:
+        call = _call(kernels, task, form, (0, task.q, task.velocities))
+    else:
+        call = (task.kin.calls.get((kernels, form)) or _whole_call(kernels, task.kin, form)).with_velocities(task.velocities)
+    task.calls[kernels, form] = call
+    return call
+
+
+def _call(kernels: Kernels, task: Task, form: Form, begun: tuple[int, np.ndarray, np.ndarray]) -> RunCall:
+    """The rest of a task over all coordinates in C, but for what it may be looked at by.
+
+    begun: the number of the instant at which it goes on, position and velocities then
+    """
+    dynamics = all_coordinates(kernels, task.number, form, task.method.integrator.name)
+    row, q, qd = begun
+    times, p = task.grid[row:], task.p
+    if dynamics.singular_mass and not dynamics.is_emitted and not task.first_step:
+        # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
+        # the step of a part before it has been checked.
+        start, t = task.q, float(task.grid[0])
+        key = start.tobytes(), t, p.tobytes()
+        kernels.remember("inertia of all motions", key, lambda: _all_have_inertia(kernels, start, t, p), REMEMBERED)
+    return _prepared(task, dynamics).call(
+        times,
+        InitialState(q, qd, p),
+        inputs=task.inputs_in_c(rule_of(kernels)),
+        conditions=task.watched,
+        movable=task.movable_from(row),
+        rank=task.rank_at(kernels, q, times[0]),
+        errors=task.tolerances.errors,
+        inspected=None if row else task.inspected,
+    )
 
 
 def _prepared(task: Task, dynamics: ConstrainedDynamics) -> PreparedRun:
@@ -181,13 +197,18 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
     try:
         while True:
             progress(t)
-            dynamics = _for_next(kernels, partitions, form, len(used_partitions), q, p, number)
-            done = dynamics.simulate(
-                method.integrator.name, times, InitialState(q, zd, p), inputs=task.inputs_in_c(rule_of(kernels)),
-                monitor=Monitor(conditions=task.watched, progress=progress), movable=movable, max_step=task.step_in_c,
-                tolerance=closeness(number), max_growth=growth, stop_when_stiff=int(task.stop_when_stiff),
-                **_in_c(task.tolerances, kernels, partitions),
-            )  # fmt: skip
+            call = None if begun else task.calls.get((kernels, form))
+            if call is None:
+                call = _for_next(kernels, partitions, form, len(used_partitions), q, p, number).run_by(
+                    method.integrator.name, max_step=task.step_in_c, tolerance=closeness(number), max_growth=growth,
+                    stop_when_stiff=int(task.stop_when_stiff), **_in_c(task.tolerances, kernels, partitions),
+                ).call(
+                    times, InitialState(q, zd, p), inputs=task.inputs_in_c(rule_of(kernels)), conditions=task.watched, movable=movable,
+                    inspected=None if begun else task.inspected,
+                )  # fmt: skip
+            if not begun:
+                task.calls[kernels, form] = call
+            done = call.simulate(progress)
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
             task.looked_at(len(path.q), done.t[fresh:])
@@ -198,6 +219,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             if done.stopped:
                 path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
             if done.stopped or done.status == "ok" or len(path.q) == len(grid):
+                path.inspection = None if begun or done.stopped else done.inspection
                 return None
             lost = grid[len(path.q)] < done.reached  # rows inside a step that was taken
             reason = _ended(path, kernels, grid, done, work, p)

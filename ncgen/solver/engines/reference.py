@@ -147,7 +147,7 @@ class ReferenceRun(ABC):
 
     def hand_over(self) -> None:
         """Give the path what was counted."""
-        self.path.counts = self.path.counts + [self.steps, self.evaluations, self.newton, self.changes, self.repeated]
+        self.path.add_counts([self.steps, self.evaluations, self.newton, self.changes, self.repeated])
 
     def _counted_derivative(self, t: float, y: np.ndarray) -> np.ndarray:
         self.evaluations += 1
@@ -159,7 +159,7 @@ class ReferenceRun(ABC):
 
     def _record(self, states: list[State]) -> None:
         q, qd, work = zip(*states, strict=True)
-        self.path.extend(q, qd, work, [0] * 5)
+        self.path.extend(np.array(q), np.array(qd), np.array(work))
 
     def _step(self, solver: OdeSolver, t: float, state: State) -> OdeSolver:
         """One accepted step from a state; returns the solver that made it, a fresh one if there was no derivative on the way."""

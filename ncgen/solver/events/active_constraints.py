@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ConvergenceError
-from ncgen.mechanism.active_in_c import Active, direction_of, is_still
+from ncgen.mechanism.active_in_c import Active, direction_of, is_still, sides_of
 from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.sliding_in_c import first_length, largest_slide, missed_speed
+from ncgen.mechanism.sliding_in_c import SlidingContact
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.modes import LoadConditions, forces_of, load_conditions, sliding_of
@@ -39,7 +39,8 @@ class ActiveSet:
 
 
 class ActiveConstraints:
-    """rows: {number of a condition: what holds it}. left: {number of what was released at this instant: the direction in which it slips}
+    """rows: {number of a condition: what holds it}. left: {number of what was released at this instant: the direction in which it slips, of
+    a contact the force (N) that friction could not hold}
 
     unseen (n,): velocities that steps do not tell from none
     """
@@ -83,13 +84,13 @@ class ActiveConstraints:
         self.left, number = {}, 0
         rows = tuple(self.rows[k] for k in held)
         for k in held:
-            for side in (1, -1) if k in self.functions.frictions else (1,):
+            for side in sides_of(self.rows[k].kind):
                 if number in crossed:
-                    self.left[k] = np.array([-side])
+                    self.left[k] = np.array([side])
                 number += 1
         if number in crossed and (sliding := sliding_of(mode, rows, self.functions.loaded)):
             raise undetermined(self.functions, sliding, at)
-        self.left |= {k: self.onwards(mode, held, k, at) for k in self.left if self.rows[k].sticks}
+        self.left |= {k: -forces_of(mode, rows, held.index(k), at) for k in self.left if self.rows[k].sticks}
 
     # -- modes ---------------------------------------------------------------------------------
 
@@ -144,50 +145,28 @@ class ActiveConstraints:
         if k in self.functions.moving:
             return is_still(self.functions.values(at)[0][k], np.abs(self.functions.rate_slopes(at)[k]) @ sizes * speed)
         if k in self.functions.contacts:
-            velocity, slopes = self.functions.sliding(at)[k]
-            return is_still(np.max(np.abs(velocity)), np.max(np.abs(slopes) @ sizes) * speed + self._largest_so_far(k, at))
+            return self.slide(k, at).is_still(speed)
         slopes, drift = self.functions.slopes(at)
         return is_still(slopes[k] @ at.qd + drift[k], np.abs(slopes[k]) @ sizes * speed, drift[k])
 
+    def slide(self, k: int, at: State) -> SlidingContact:
+        """A contact at a state."""
+        slip = at.p[[self.place(name) for name in self.functions.contacts[k].slip]]
+        return SlidingContact(*self.functions.sliding(at)[k], slip, self.kernels.column_sizes, self.unseen)
+
     def is_opposed(self, k: int, at: State) -> bool:
         """Whether a contact that has not moved would begin to slide against others that were released: rigid bodies do not move so."""
-        functions = self.functions
-        if k not in functions.contacts or not (released := [j for j in self.left if j in functions.contacts]):
+        contacts = self.functions.contacts
+        if k not in contacts or not (released := [j for j in self.left if j in contacts]):
             return False
-        slip = at.p[[self.place(name) for name in functions.contacts[k].slip]]
-        sliding = functions.sliding(at)
-        change = response(self.kernels, at, sliding[k][1]) @ slip
-        return bool(sum(self.left[j] @ sliding[j][1] @ change for j in released) < 0)
+        sliding = self.slide(k, at)
+        change = response(self.kernels, at, sliding.gradients) @ sliding.slip
+        return sum(self.slide(j, at).along(self.left[j], change) for j in released) < 0
 
     def resting(self, at: State) -> tuple[int, ...]:
         """Where no step is short enough, numbers of the turns of contacts in space that come to rest there, whose motion is not seen."""
-        speeds = {number: float(np.linalg.norm(self.functions.sliding(at)[k][0])) for number, k in self.functions.turns.items()}
-        return tuple(n for n, k in self.functions.turns.items() if speeds[n] < HALT * self._largest_so_far(k, at))
-
-    def unseen_sliding(self, k: int, at: State) -> float:
-        """The greatest sliding velocity (m/s) of a contact that steps may miss around rest."""
-        return missed_speed(np.max(np.abs(self.functions.sliding(at)[k][1]) @ self.unseen))
-
-    def _largest_so_far(self, k: int, at: State) -> float:
-        """The largest velocity (m/s) of the present slide of a contact in space that is known; 0 in the plane."""
-        slip = at.p[[self.place(name) for name in self.functions.contacts[k].slip]]
-        return float(np.linalg.norm(slip)) if len(slip) > 1 else 0.0
-
-    def onwards(self, mode: Kernels, held: tuple[int, ...], k: int, at: State) -> np.ndarray:
-        """The direction in which a contact begins to slide that its friction cannot hold; in space as long as C says."""
-        force, slopes = forces_of(mode, tuple(self.rows[each] for each in held), held.index(k), at), self.functions.sliding(at)[k][1]
-        size = float(np.linalg.norm(force))
-        if len(force) == 1 or not size:
-            return np.sign(-force)
-        deceleration = float(np.max(np.einsum("kn,nk->k", slopes, response(self.kernels, at, slopes)))) * size
-        natural_size = np.max(np.abs(slopes) @ self.kernels.column_sizes)
-        return -force / size * first_length(deceleration, natural_size, self.unseen_sliding(k, at))
-
-    def largest(self, k: int, at: State, velocity: np.ndarray) -> float:
-        """The largest velocity (m/s) of the slide of a contact in space that is known."""
-        sizes = self.kernels.column_sizes
-        terms = float(np.max(np.abs(self.functions.sliding(at)[k][1]) @ sizes)) * at.speed(sizes)
-        return largest_slide(self._largest_so_far(k, at), float(np.linalg.norm(velocity)), terms)
+        slides = {number: self.slide(k, at) for number, k in self.functions.turns.items()}
+        return tuple(number for number, sliding in slides.items() if np.linalg.norm(sliding.velocity) < HALT * np.linalg.norm(sliding.slip))
 
     def _happened(self, start: State, choice: HeldChoice, before: tuple[int, ...], due: dict[int, Search]) -> list[Happening]:
         """What became held, or free, or slips to the other side."""
@@ -222,9 +201,7 @@ class HeldChoice:
         for k, position in positions.items():
             active.before[position], active.rests[position], active.released[position] = k in held, k in resting, k in owner.left
             turns = any(functions.turns.get(number) == k for number in due)
-            active.still[position] = owner.is_still(k, at) or (
-                turns and np.linalg.norm(functions.sliding(at)[k][0]) <= owner.unseen_sliding(k, at)
-            )
+            active.still[position] = owner.is_still(k, at) or (turns and owner.slide(k, at).is_unseen)
             if active.still[position] and k not in held and owner.is_opposed(k, at):
                 active.oppose(position)
             active.closed[position] = k not in functions.moving and k not in functions.contacts and owner.is_closed(k, at)
@@ -274,7 +251,8 @@ class HeldChoice:
         self._directions = {k: side for k, side in self._directions.items() if k in released}
         for k in released - set(self._directions):
             if owner.rows[k].sticks and self._mode and self._tried:
-                self._directions[k] = owner.onwards(self._mode[0], self._tried, k, self.at)
+                held = tuple(owner.rows[each] for each in self._tried)
+                self._directions[k] = -forces_of(self._mode[0], held, self._tried.index(k), self.at)
         new = [k for k in wanted if self._tried is None and k in functions.moving and k not in self._held]
         if new:
             there = self._closed(wanted)
@@ -295,20 +273,15 @@ class HeldChoice:
     def _slipping(self) -> np.ndarray:
         """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
         owner, functions, at, p = self.owner, self.owner.functions, self._start, self.at.p.copy()
-        values, sliding, released = functions.values(at)[0], functions.sliding(at), self.directions()
+        values, speed = functions.values(at)[0], at.speed(owner.kernels.column_sizes)
         numbers = {k: number for number, k in enumerate(self._numbers)}
         for k, friction in functions.frictions.items():
             index = owner.place(friction.slip)
             p[index] = self.active.slip(numbers[k], p[index], np.sign(values[k]))
         for k, contact in functions.contacts.items():
-            indices, velocity = [owner.place(name) for name in contact.slip], sliding[k][0]
-            known, moves = bool(np.any(released.get(k, 0.0))), bool(np.any(velocity))
-            slide = self.active.slide(numbers[k], known, moves) if k in numbers else "NCGEN_SLIDES_NOT"
-            if slide == "NCGEN_SLIDES_NOT":
-                p[indices] = 0.0
-            elif slide == "NCGEN_BEGINS":
-                p[indices] = released[k]
-            elif slide == "NCGEN_SLIDES_ON":
-                length = owner.largest(k, self._start, velocity) if len(velocity) > 1 else 1.0
-                p[indices] = velocity / np.linalg.norm(velocity) * length
+            sliding, indices = owner.slide(k, at), [owner.place(name) for name in contact.slip]
+            way, mobility = self._directions.get(k, np.zeros(len(indices))), 0.0
+            if len(way) > 1 and np.any(way):
+                mobility = float(np.max(np.einsum("kn,nk->k", sliding.gradients, response(owner.kernels, at, sliding.gradients))))
+            p[indices] = self.active.turn(numbers[k], p[indices], sliding, way, mobility, speed) if k in numbers else 0.0
         return p

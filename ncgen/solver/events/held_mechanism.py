@@ -7,7 +7,7 @@ that is 1 while it is held. The row of what is not held is zero, and with it its
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,13 +15,13 @@ import numpy as np
 from ncgen.emit.sources import Sources
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
-from ncgen.model.values import Scalar, as_sympy, evaluate, symbol_of
+from ncgen.model.values import Scalar, evaluate, symbol_of
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_programs import assemble_mode_conditions
-from ncgen.program.motions.sliding import Sliding, assemble_friction
+from ncgen.program.motions.sliding import assemble_friction
 from ncgen.solver.events import on_demand
 from ncgen.solver.events.holdables import Holdable, friction_of, holdables
-from ncgen.solver.events.modes import first_rows, held_loads, sliding_of
+from ncgen.solver.events.modes import held_loads, sliding_of
 from ncgen.solver.events.rubbing import SHARED
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
 from ncgen.solver.positions.rank import null_space, scaled_jacobian
@@ -95,18 +95,11 @@ def held_mechanism(model: Model, conditions: Sequence[tuple[str, Scalar]]) -> He
     sources = on_demand.generated(other)
     kernels = on_demand.compiled(sources, backend="numpy")
     loads = held_loads(kernels, some, shows_force=True)
-    sliding = (*_contacts(kernels, some), *sliding_of(kernels, (), model.frictions.values()))
+    sliding = sliding_of(kernels, some, model.frictions.values(), by_switches=True)
     sizes, equations = motion_sizes(kernels), sources.programs.equations
     made = assemble_mode_conditions(equations, conditions, loads, sliding, sizes, kernels.row_sizes)["conditions"]
     friction = assemble_friction(equations, sizes, sliding).values() if sliding else ()
     return HeldMechanism(sources, kernels, (replace(made, name="held_conditions"), *friction))
-
-
-def _contacts(kernels: Kernels, some: tuple[Holdable, ...]) -> Iterator[Sliding]:
-    """The contacts that may slide in a mechanism with these as its last constraints."""
-    for each, row in zip(some, first_rows(kernels, some), strict=True):
-        if (c := each.contact) and not each.sticks:
-            yield Sliding(name=c.name, row=row, friction=as_sympy(c.friction), velocity=c.sliding, slip=c.slip, may_rest=True)
 
 
 def refusal_of_shared(kernels: Kernels, q: np.ndarray) -> str | None:

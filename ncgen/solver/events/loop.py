@@ -16,7 +16,7 @@ from ncgen.mechanism.sliding_in_c import unseen_velocities
 from ncgen.solver.events.active_constraints import ActiveConstraints
 from ncgen.solver.events.conditions import VALUE_ROUNDING, EventFunctions
 from ncgen.solver.events.instants import Instant
-from ncgen.solver.events.modes import LoadConditions, Mode, count_of, load_conditions, rank_of
+from ncgen.solver.events.modes import LoadConditions, Mode, load_conditions, rank_of
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.state import Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
@@ -107,6 +107,7 @@ class EventLoop:
         part_task = replace(
             task, grid=np.concatenate([[at.t] * fresh, ahead]), movable=extra_times, q=at.q, velocities=at.qd, p=at.p,
             conditions=conditions, rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
+            inspected=None, kin=None,
         )  # fmt: skip
         try:
             return self.engine(segment, self.mode, part_task)
@@ -156,7 +157,7 @@ class EventLoop:
     def _rows_at_end(self) -> None:
         """The last row of the grid is that of the event itself."""
         rest, at = len(self.task.grid) - len(self.path.q), self.at
-        self.path.extend(np.repeat(at.q[None], rest, axis=0), np.repeat(at.qd[None], rest, axis=0), [self.work] * rest, [0] * 5)
+        self.path.extend(np.repeat(at.q[None], rest, axis=0), np.repeat(at.qd[None], rest, axis=0), np.full(rest, self.work))
 
     def _finish(self) -> None:
         """End the path here."""
@@ -175,8 +176,8 @@ class EventLoop:
 
     def _is_stop(self, crossed: tuple[int, ...]) -> bool:
         """Whether the run was told to stop there: that condition follows those of the mechanism and of the loads."""
-        loads = count_of((self.active_constraints.rows[k] for k in self.held), self.functions.loaded)
-        return self.task.stop is not None and self.functions.count + loads in crossed
+        loads = self._loads
+        return self.task.stop is not None and self.functions.count + (loads.count if loads else 0) in crossed
 
     def begin(self) -> bool:
         """Events at the start: a condition that is zero there and moves on in its direction. Returns whether the run ends there.
@@ -227,9 +228,14 @@ class EventLoop:
 
     def watched(self, stop: StopCondition | None = None) -> tuple[Conditions, LoadConditions | None]:
         """What C watches: conditions of the mechanism, then those of the loads of what is held, which are given besides, then a stop."""
-        functions, active, held = self.functions, self.active_constraints, self.held
-        loads = load_conditions(functions, self.mode, tuple(active.rows[k] for k in held)) if held or functions.loaded else None
-        return functions.watched(self.signs, stop, active.directions(held, self.at.p), loads), loads
+        directions, loads = self.active_constraints.directions(self.held, self.at.p), self._loads
+        return self.functions.watched(self.signs, stop, directions, loads), loads
+
+    @property
+    def _loads(self) -> LoadConditions | None:
+        """The conditions of the loads of what is held, or None."""
+        held = tuple(self.active_constraints.rows[k] for k in self.held)
+        return load_conditions(self.functions, self.mode, held) if held or self.functions.loaded else None
 
     def go_to(self, at: State, signs: np.ndarray, held: tuple[int, ...]) -> None:
         """Take on a state that the loop was in before."""

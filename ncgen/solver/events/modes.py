@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.active_in_c import sides_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.program_functions import CompiledFunctions, ProgramFunctions
@@ -80,28 +81,26 @@ def _made(kernels: Kernels, held: tuple[Holdable, ...]) -> Kernels:
     return made
 
 
-def sliding_of(kernels: Kernels, held: tuple[Holdable, ...], frictions: Iterable[Friction]) -> tuple[Sliding, ...]:
+def sliding_of(
+    kernels: Kernels, held: tuple[Holdable, ...], frictions: Iterable[Friction], by_switches: bool = False
+) -> tuple[Sliding, ...]:
     """What slides in a mode with friction that follows loads: the contacts whose gap is held while they do not stick, and joints that do
-    not. kernels: of the mode; frictions: of the mechanism"""
-    sticking = {each.name for each in held if each.sticks}
+    not. kernels: of the mode; frictions: of the mechanism; by_switches: as of exports, where what is held may slide as well"""
+    sticking = () if by_switches else held
+    names = {each.name for each in sticking if each.sticks}
     contacts = (
-        Sliding(name=c.name, row=row, friction=as_sympy(c.friction), velocity=c.sliding, slip=c.slip)
+        Sliding(name=c.name, row=row, friction=as_sympy(c.friction), velocity=c.sliding, slip=c.slip, may_rest=by_switches)
         for each, row in zip(held, first_rows(kernels, held), strict=True)
-        if (c := each.contact) and c.name not in sticking
+        if (c := each.contact) and not each.sticks and c.name not in names
     )
     joints = (
         Sliding(
-            name=each.name,
-            row=each.load,
-            friction=as_sympy(each.static),
-            velocity=(each.along.rate,),
-            slip=(each.slip,),
-            is_joint=True,
+            name=each.name, row=each.load, friction=as_sympy(each.static), velocity=(each.along.rate,), slip=(each.slip,), is_joint=True,
             across=each.across,
         )
         for each in frictions
-        if each.load is not None and not _stick(each, held)
-    )
+        if each.load is not None and not _stick(each, sticking)
+    )  # fmt: skip
     return (*contacts, *joints)
 
 
@@ -163,21 +162,17 @@ def rank_of(kernels: Kernels, mode: Kernels, at: State) -> int:
     return mode.remember("rank in a mode", kernels.of_rows(at.p).tobytes(), lambda: freedom_at(mode, at.q, at.t, at.p).rank, 64)
 
 
-def count_of(held: Iterable[Holdable], frictions: Iterable[Friction] = ()) -> int:
-    """How many conditions loads have: one of a gap or a contact that sticks, two of a joint; and one of all that slides with friction that
-    follows loads. frictions: of the mechanism"""
-    held = tuple(held)
-    slides = {each.name for each in held if each.contact and not each.sticks} - {each.name for each in held if each.sticks}
-    rubs = bool(slides) or any(each.load is not None and not _stick(each, held) for each in frictions)
-    return sum(1 if each.static is None else 2 for each in held) + rubs
+def count_of(held: Iterable[Holdable]) -> int:
+    """How many conditions the loads of what is held have, besides the one of all that slides with friction that follows loads."""
+    return sum(len(sides_of(each.kind)) for each in held)
 
 
 class LoadConditions(ABC):
     """The conditions of a mechanism, and behind them those of the loads of what a mode holds, which are positive as long as it holds.
 
     A gap has one, its load; a joint two, static friction less and plus its load; a contact that sticks one, friction less its force, both
-    squared; all that slides with friction of loads one together, which is positive as long as these are determined. Sizes are those of all
-    loads together, by energy.
+    squared; all that slides with friction of loads one together, which is positive as long as these are determined. Sizes are by
+    energy: of what brings loads about, or of all loads together where forces of Python functions do.
 
     address: of the function, as `Conditions` has it; count: how many there are of loads; calls_python: whether it does; raised: what went
     wrong in such a call
@@ -226,7 +221,7 @@ class _Compiled(LoadConditions):
         words += [*(str((s.words, s.row, s.across, s.velocity, s.friction)) for s in sliding), *(str(pair) for pair in conditions)]
         digest = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
         counts = {"q": mode.n, "qd": mode.n, "p": len(mode.p0)}
-        self.count = count_of(held, frictions)
+        self.count = count_of(held) + bool(sliding)
         made = functions_of(
             mode, f"mode_{digest}", {"conditions": INPUTS["conditions"]}, {"conditions": 2 * (len(conditions) + self.count)}, counts,
             lambda: assemble_mode_conditions(mode.programs.equations, conditions, loads, sliding, motion_sizes(mode), mode.row_sizes),

@@ -8,25 +8,20 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, DomainError, Interrupted, SingularError, counted, warn
+from ncgen.errors import ConvergenceError, DomainError, Interrupted, SingularError, warn
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.argument_checks import checked_kernels
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.groups import MotionArguments
+from ncgen.solver.motions.prepared_motion import PreparedMotion
 from ncgen.solver.motions.run_under_way import RunUnderWay, Stopwatch
-from ncgen.solver.positions.massless import check_mass
-from ncgen.solver.positions.negative_mass import doubtful, negative_instant
+from ncgen.solver.positions.negative_mass import negative_instant
 from ncgen.solver.positions.partition import singular_message
-from ncgen.solver.positions.rank import REMEMBERED, freedom_at
+from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.alarms import doubts
-from ncgen.solver.runs.choice import Choice, choose
-from ncgen.solver.runs.progress_reports import ProgressOption, reporting
+from ncgen.solver.runs.progress_reports import ProgressOption, check_progress, reporting
 from ncgen.solver.runs.run import Run
-from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.trajectory import Trajectory
-
-MAX_PARTITIONED_DOF = 100
-"""Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
 
 
 def simulate_one(
@@ -39,20 +34,12 @@ def simulate_one(
     **arguments: Unpack[MotionArguments],
 ) -> Trajectory:
     """Simulate one motion; arguments, results and errors as of `simulate` without rows."""
-    run = Run.from_arguments(checked_kernels(kernels), duration, points=points, stop=stop, progress=progress, **arguments)
-    kernels = kernels.driven_by(run.signals)
-    choice = choose(run.settings)
-    is_partitioned = not choice.method.is_constrained
-    start = begin(kernels, run.initial, is_partitioned)
-    if is_partitioned and (freedom := kernels.n - kernels.m) > MAX_PARTITIONED_DOF:
-        warn(
-            f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
-            "formalism='lagrange' solves sparsely, many times faster"
-        )
+    check_progress(progress)
+    motion = PreparedMotion.of_arguments(checked_kernels(kernels), duration, points=points, stop=stop, **arguments)
     if progress is not True:
-        return _carry_out(kernels, run, choice, start, progress or None)
-    with reporting(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as advance:
-        return _carry_out(kernels, run, choice, start, advance)
+        return _carry_out(motion, progress or None)
+    with reporting(progress, f"simulating {kernels.name}", motion.run.initial.t, motion.run.duration) as advance:
+        return _carry_out(motion, advance)
 
 
 def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **options: Any) -> Trajectory:
@@ -62,56 +49,47 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
     """
     step, length = float(np.max(np.diff(times))), float(times[-1] - times[0])
     run = Run.from_arguments(checked_kernels(kernels), length, points=times, max_step=step, **options)
-    kernels, choice = kernels.driven_by(run.signals), choose(run.settings)
-    start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
-    return _carry_out(kernels, run, choice, start, None, breaks)
+    return _carry_out(PreparedMotion(kernels, run, given_breaks=breaks), None)
 
 
 def simulate_events(kernels: Kernels, times: np.ndarray, **options: Any) -> Passage:
     """As `simulate_one` over times (K,), s, from the first of them on: what a run with events meets on its way."""
     run = Run.from_arguments(checked_kernels(kernels), float(times[-1] - times[0]), points=times, **options)
-    kernels, choice = kernels.driven_by(run.signals), choose(run.settings)
-    start = begin(kernels, run.initial, partitioned=False)
-    motion = RunUnderWay(kernels=kernels, run=run, choice=choice, start=start, rows=run.grid.plain, progress=None)
+    prepared = PreparedMotion(kernels, run, rows=run.grid.plain)
+    for message in prepared.warnings:
+        warn(message)
+    motion = RunUnderWay(prepared, None)
     motion.advance()
     return motion.passage
 
 
-def _carry_out(
-    kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None, breaks: np.ndarray | None = None
-) -> Trajectory:
-    """The motion of a run on its grid, or by steps from row to row where breaks are given, with warnings where something speaks against it.
-
-    Raises Interrupted with what was reached.
-    """
-    has_doubtful = kernels.remember("masses at starts", start, lambda: _check_masses(kernels, start, run.initial.t), REMEMBERED)
-    rows = run.grid.plain if choice.method.has_fixed_step else run.grid.monitored  # other times would change the steps of these
-    motion = RunUnderWay(kernels=kernels, run=run, choice=choice, start=start, rows=rows, progress=progress, given_breaks=breaks)
-    clock = Stopwatch()
+def _carry_out(motion: PreparedMotion, progress: Callable[[float], None] | None) -> Trajectory:
+    """The motion of a run on its grid, with warnings where something speaks against it. Raises Interrupted with what was reached."""
+    kernels, start, t0 = motion.kernels, motion.start, motion.run.initial.t
+    for message in motion.warnings:
+        warn(message)
+    has_doubtful = motion.mass_is_doubtful
+    under_way, clock = RunUnderWay(motion, progress), Stopwatch()
     try:
-        motion.advance()
+        under_way.advance()
     except KeyboardInterrupt as stopped:
-        if len(motion.path.q) < 2:
+        if len(under_way.path.q) < 2:
             raise
-        raise Interrupted(motion.trajectory(clock)) from stopped
+        raise Interrupted(under_way.trajectory(clock)) from stopped
     except (SingularError, ConvergenceError, DomainError) as error:
-        motion.refuse_negative()
-        if trajectory := motion.diverged():
+        under_way.refuse_negative()
+        if trajectory := under_way.diverged():
             raise trajectory from error
         raise
-    trajectory = motion.trajectory(clock)
-    if motion.passage.rests:
-        warn(f"{kernels.name}: {motion.passage.rests}")
-    if choice.method.is_constrained and motion.mobility[1]:
-        warn(singular_message(kernels, freedom_at(kernels, start.q, run.initial.t, start.p)))
+    trajectory = under_way.trajectory(clock)
+    if under_way.passage.rests:
+        warn(f"{kernels.name}: {under_way.passage.rests}")
+    method = under_way.choice.method
+    if method.is_constrained and motion.mobility[1]:
+        warn(singular_message(kernels, freedom_at(kernels, start.q, t0, start.p)))
     if has_doubtful and (negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p)):
         warn(f"{kernels.name}: {negative}")
-    for doubt in doubts(trajectory, motion.inspected(), motion.tolerances, choice.method):
-        warn(f"{kernels.name}: {doubt}")
+    if not motion.limits(method).allow(under_way.path.inspection):
+        for doubt in doubts(trajectory, under_way.inspected(), motion.tolerances, method):
+            warn(f"{kernels.name}: {doubt}")
     return trajectory
-
-
-def _check_masses(kernels: Kernels, start: Start, t: float) -> bool:
-    """Raise SingularError where the mass matrix at a start leaves a motion without inertia; whether it may on the way."""
-    check_mass(kernels, start.q, t, start.p)
-    return bool(doubtful(kernels))

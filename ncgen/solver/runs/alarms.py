@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ncgen.mechanism.run_rows import Inspection
 from ncgen.methods.method import Method
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.solver.trajectories.energy import Instants, drift
+from ncgen.solver.trajectories.energy import Instants, drift, is_small
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 
@@ -27,8 +28,54 @@ MAX_RESIDUAL_OVER_RTOL = 100.0
 VELOCITY_TOLERANCE = 1e-6
 """Share of what all rows' velocities add up to that a row may be off by, in double precision."""
 
+LEAST_DURATION = float(np.finfo(float).tiny)
+"""Seconds that do no harm as a divisor."""
+
 ROUNDINGS = 64.0
 """The same in roundings of a number type that has fewer digits."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Up to which what C saw of a motion speaks for it, so that `doubts` has nothing to say.
+
+    change: of the energy, relative to the largest kinetic one; remainder: of Φ_q q̇ − ν, relative to the sizes of rows
+    can_tell: False where constraints are held by feedback alone; has_doubts: False where nothing is ever said about the method
+    """
+
+    change: float
+    remainder: float
+    can_tell: bool
+    has_doubts: bool
+
+    @classmethod
+    def of(cls, tolerances: Tolerances, method: Method, duration: float) -> Limits:
+        """Of a run of some length (s)."""
+        feedback = _has_feedback(method)
+        return cls(_limit(tolerances), VELOCITY_TOLERANCE * _slow(duration), not feedback, feedback or not method.has_fixed_step)
+
+    def allow(self, seen: Inspection | None) -> bool:
+        """Whether nothing can speak against a motion of which C saw this."""
+        if not self.has_doubts:
+            return True
+        if seen is None or not self.can_tell:
+            return False
+        return is_small(seen.change, seen.energy, seen.kinetic, self.change) and seen.remainder <= self.remainder
+
+
+def _has_feedback(method: Method) -> bool:
+    """Whether constraints are held by feedback alone, if at all."""
+    return method.options.get("stabilisation") in ("baumgarte", "none")
+
+
+def _limit(tolerances: Tolerances) -> float:
+    """The least relative change of energy that anything is said about."""
+    return min(MAX_ENERGY_CHANGE, math.sqrt(tolerances.rtol))
+
+
+def _slow(duration: float) -> float:
+    """Velocities (sizes of the mechanism per second) that move nothing by a share of its size in a run of some length (s)."""
+    return VELOCITY_TOLERANCE / max(duration, LEAST_DURATION)
 
 
 def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: Method) -> list[str]:
@@ -37,10 +84,10 @@ def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: 
     instants: at which the energy was looked at, the ends of the run included; tolerances: that were kept
     """
     rtol = tolerances.rtol
-    feedback = method.options.get("stabilisation") in ("baumgarte", "none")
+    feedback = _has_feedback(method)
     reasons = [] if feedback or method.has_fixed_step else _contradiction(run, instants)
     unseen = WORK_ERRORS * tolerances.atol if any(instants.works()) else 0.0
-    change = drift(run.kernels, instants, run.p, unseen, limit=min(MAX_ENERGY_CHANGE, math.sqrt(rtol)))
+    change = drift(run.kernels, instants, run.p, unseen, limit=_limit(tolerances))
     if feedback and change > MAX_ENERGY_CHANGE:
         reasons.append(
             f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
@@ -81,11 +128,7 @@ def _contradiction(run: Trajectory, instants: Instants) -> list[str]:
     if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:
         return []
     rounding = float(np.finfo(NUMBERS[run.number].dtype).eps)
-    worst, reasons, slow = (
-        max(VELOCITY_TOLERANCE, ROUNDINGS * rounding),
-        [],
-        VELOCITY_TOLERANCE / max(instants.t[-1] - instants.t[0], np.finfo(float).tiny),
-    )
+    worst, reasons, slow = max(VELOCITY_TOLERANCE, ROUNDINGS * rounding), [], _slow(instants.t[-1] - instants.t[0])
     for t, q, qd in zip(instants.t, instants.q, instants.qd, strict=True):
         nu = kernels.nu(q, t, p)
         if len(kernels.holonomic) == kernels.m and not np.any(nu):

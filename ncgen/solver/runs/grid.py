@@ -24,7 +24,7 @@ MOST_NUMBERS = 2**31
 """Numbers in a trajectory's positions, velocities and accelerations: 16 GiB."""
 
 MOST_CACHED_POINTS = 10_000
-"""Times of a grid that is kept for later runs."""
+"""Times of a grid that is kept for later runs, and of runs that are."""
 
 N_SAMPLES = 8
 """Instants inside a run at which the energy is looked at, besides its ends."""
@@ -52,6 +52,11 @@ class RunTimes:
         return np.flatnonzero(~self.is_extra)
 
     @cached_property
+    def duration(self) -> float:
+        """From the first to the last (s)."""
+        return float(self.times[-1] - self.times[0])
+
+    @cached_property
     def looked_at(self) -> list[int] | None:
         """Numbers of the rows at which the energy is looked at; None for all, where there are none for it alone."""
         extra = np.flatnonzero(self.is_extra).tolist()
@@ -68,6 +73,11 @@ class Grid:
     def duration(self) -> float:
         """From the first instant to the last (s)."""
         return float(self.times[-1] - self.times[0])
+
+    @property
+    def is_small(self) -> bool:
+        """Whether it may be kept for later runs."""
+        return len(self.times) <= MOST_CACHED_POINTS
 
     @cached_property
     def plain(self) -> RunTimes:
@@ -86,8 +96,11 @@ class Grid:
 
 def grid_of(start: float, length: float, points: Any, n: int) -> Grid:
     """Even instants, or those that are given. Raises ModelError where there are too many, or they cannot be distinguished."""
-    is_small = type(points) is int and points <= MOST_CACHED_POINTS
-    return _even(start, length, points, n) if is_small else _grid(start, length, points, n)
+    if type(points) is int and points <= MOST_CACHED_POINTS:
+        return _even(start, length, points, n)
+    if type(points) is np.ndarray and points.dtype == float and points.ndim == 1 and len(points) <= MOST_CACHED_POINTS:
+        return _listed(start, length, tuple(points.tolist()), n)
+    return _grid(start, length, points, n)
 
 
 def _grid(start: float, length: float, points: Any, n: int) -> Grid:
@@ -113,6 +126,12 @@ def _grid(start: float, length: float, points: Any, n: int) -> Grid:
 
 
 _even = lru_cache(maxsize=CACHED)(_grid)
+
+
+@lru_cache(maxsize=CACHED)
+def _listed(start: float, length: float, times: tuple[float, ...], n: int) -> Grid:
+    """Those that are given."""
+    return _grid(start, length, np.array(times), n)
 
 
 def _instants(times: np.ndarray, start: float, end: float, shortest: float) -> np.ndarray:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from ncgen.mechanism.run_rows import Inspection, Outcome
 from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.positions.partition import Partitions
 
@@ -25,13 +26,14 @@ class Path:
     stiff: how often dopri5 or dop853 in C found that stability, not the error, holds the steps down
     impulses: of drivers whose velocity jumped on the way
     halted: time (s), position, velocities and work at which steps became too short, None where they did not
+    inspection: of a run in C that made all of it
     crossed: numbers of the conditions at which C stopped; next_step: length of the step that it would try next (s), 0 where it does not say
     """
 
     q: np.ndarray
     qd: np.ndarray
     work: np.ndarray
-    counts: np.ndarray
+    counts: list[int]
     partitions: Partitions | None
     projections: int = 0
     largest_projection: float = 0.0
@@ -41,26 +43,50 @@ class Path:
     fallbacks: int = 0
     stiff: int = 0
     impulses: list[Impulse] = field(default_factory=list)
+    inspection: Inspection | None = None
     crossed: tuple[int, ...] = ()
     next_step: float = 0.0
 
     @classmethod
     def empty(cls, n: int, partitions: Partitions | None) -> Path:
         none = _no_rows(n)
-        return cls(q=none, qd=none, work=_NO_WORK, counts=np.zeros(5, dtype=int), partitions=partitions)
+        return cls(q=none, qd=none, work=_NO_WORK, counts=[0] * 5, partitions=partitions)
 
     @property
     def evaluations(self) -> int:
         """So far."""
-        return int(self.counts[1])
+        return self.counts[1]
 
-    def extend(self, q: ArrayLike, qd: ArrayLike, work: ArrayLike, counts: ArrayLike) -> None:
+    def extend(self, q: np.ndarray, qd: np.ndarray, work: np.ndarray, counts: Iterable[int] = ()) -> None:
         """Add rows behind the last one; counts add up."""
-        rows = np.asarray(q), np.asarray(qd), np.asarray(work)
         if len(self.q):
-            rows = np.vstack([self.q, q]), np.vstack([self.qd, qd]), np.concatenate([self.work, work])
-        self.q, self.qd, self.work = rows
-        self.counts = self.counts + np.asarray(counts)
+            q, qd, work = np.vstack([self.q, q]), np.vstack([self.qd, qd]), np.concatenate([self.work, work])
+        self.q, self.qd, self.work, self.inspection = q, qd, work, None
+        self.add_counts(counts)
+
+    def add_counts(self, counts: Iterable[int]) -> None:
+        """Add to `counts`."""
+        for k, count in enumerate(counts):
+            self.counts[k] += count
+
+    def take_run(self, done: Outcome, work: float, projects: bool) -> None:
+        """Add the rows of a run in C, and what it counted; work: done before it; projects: whether it projects the end of every step."""
+        if not len(self.q):
+            self.inspection = done.inspection
+            self.q, self.qd, self.work = done.q, done.qd, done.work + work if work else done.work
+        else:
+            self.extend(done.q, done.qd, done.work + work)
+        counts = self.counts
+        counts[0] += done.steps
+        counts[1] += done.evaluations
+        counts[2] += done.newton_steps
+        counts[4] += done.repeated
+        self.projections += done.steps if projects else 0
+        self.largest_projection = max(self.largest_projection, done.largest_projection)
+        self.jacobians += done.jacobians
+        self.fallbacks += done.fallbacks
+        self.stiff += done.stiff
+        self.crossed, self.next_step = done.crossed, done.next_step
 
     def take_counts(self, segment: Path) -> None:
         """Add what a part counted besides its rows, and its impulses."""
@@ -73,7 +99,7 @@ class Path:
 
     def stop(self, t: float, q: np.ndarray, qd: np.ndarray, work: float) -> None:
         """End with the state at which a run stops."""
-        self.extend(q[None], qd[None], [work], [0] * 5)
+        self.extend(q[None], qd[None], np.array([work]))
         self.stopped = float(t)
 
     def break_off(self, grid: np.ndarray, t: float, q: np.ndarray, qd: np.ndarray, work: float) -> None:
@@ -91,7 +117,7 @@ class Path:
     def take_last(self) -> tuple[np.ndarray, np.ndarray, float]:
         """Remove the last row and return it: where another engine continues."""
         last = self.q[-1], self.qd[-1], float(self.work[-1])
-        self.q, self.qd, self.work = self.q[:-1], self.qd[:-1], self.work[:-1]
+        self.q, self.qd, self.work, self.inspection = self.q[:-1], self.qd[:-1], self.work[:-1], None
         return last
 
 

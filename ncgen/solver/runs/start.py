@@ -38,6 +38,8 @@ class Start:
 
     partitions: the independent coordinates there, None where nothing asks for them or the position is singular
     warnings: what was given and could not be
+    t: time (s), after a jump of a driver's velocity there; driven: whether drivers move then
+    moved: what there is to say of a position that was open, or empty
     Of equal arguments it is the same object, and nobody writes to its arrays.
     """
 
@@ -46,6 +48,9 @@ class Start:
     p: np.ndarray
     partitions: Partitions | None
     warnings: tuple[str, ...] = ()
+    t: float = 0.0
+    driven: bool = False
+    moved: str = ""
 
     @property
     def rates(self) -> np.ndarray:
@@ -59,27 +64,47 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     Raises ConvergenceError naming the rows that do not close, SingularError at a singular position that the method or the given
     velocities cannot do with, ModelError for independent coordinates that do not determine the motion.
     """
-    start = kernels.remember("starts", (*initial.key, partitioned), lambda: _begin(kernels, initial, partitioned), REMEMBERED)
+    start = start_of(kernels, initial, partitioned)
     for message in start.warnings:
         warn(message)
     return start
 
 
+def start_of(kernels: Kernels, initial: Initial, partitioned: bool, at: Start | None = None) -> Start:
+    """The same without warnings, which are the start's; at: a start at the same position, whatever its velocities are."""
+
+    def find() -> Start:
+        return _begin(kernels, initial, partitioned) if at is None else _with_velocities(kernels, initial, at, partitioned)
+
+    return kernels.remember("starts", (*initial.key, partitioned), find, REMEMBERED)
+
+
 def _begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
-    p = refresh_branches(kernels, initial.q, initial.p)
+    p, t = refresh_branches(kernels, initial.q, initial.p), initial.t
     if may_jump(kernels):
-        initial = replace(initial, t=after_jump(kernels, p, initial.q, initial.t))
-    t = initial.t
+        t = after_jump(kernels, p, initial.q, t)
+        initial = replace(initial, t=t)
     key = initial.q.tobytes(), t, p.tobytes(), initial.closing
     q = kernels.remember("closed position", key, lambda: _closed(kernels, initial, p), REMEMBERED).copy()
-    driven = "nu" in kernels.programs.programs and bool(np.any(kernels.nu(q, t, p)))
-    needed = partitioned or initial.zd is not None
-    partitions = None
-    if needed or initial.z or (driven and initial.qd is None):
+    open_start = Start(
+        q=constant(q), qd=q, p=constant(np.array(p)), partitions=None, t=t, moved=_moved(kernels, initial.q, q),
+        driven="nu" in kernels.programs.programs and bool(np.any(kernels.nu(q, t, p))),
+    )  # fmt: skip
+    return _with_velocities(kernels, initial, open_start, partitioned)
+
+
+def _with_velocities(kernels: Kernels, initial: Initial, at: Start, partitioned: bool) -> Start:
+    """A start at the position of another one with velocities as they were asked for."""
+    q, p, needed, partitions = at.q, at.p, partitioned or initial.zd is not None, None
+    if at.t != initial.t:
+        initial = replace(initial, t=at.t)
+    if needed or initial.z or (at.driven and initial.qd is None):
         partitions = _partitions(kernels, q, p, initial, needed)
-    qd, contradiction = _velocity(kernels, partitions, initial, q, p, driven)
-    warnings = tuple(message for message in (_moved(kernels, initial.q, q), contradiction) if message)
-    return Start(q=constant(q), qd=constant(np.array(qd)), p=constant(np.array(p)), partitions=partitions, warnings=warnings)
+    qd, contradiction = _velocity(kernels, partitions, initial, q, p, at.driven)
+    warnings = tuple(message for message in (at.moved, contradiction) if message)
+    return Start(
+        q=q, qd=constant(np.array(qd)), p=p, partitions=partitions, warnings=warnings, t=at.t, moved=at.moved, driven=at.driven
+    )  # fmt: skip
 
 
 def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from ncgen.solver.runs.stop import StopCondition
 from ncgen.solver.runs.tolerances import Tolerances
 
 if TYPE_CHECKING:
-    from ncgen.mechanism.prepared_run import PreparedRun
+    from ncgen.mechanism.prepared_run import PreparedRun, RunCall
     from ncgen.mechanism.runtime import Dynamics
 
 SPAN_TOLERANCE = 1e-6
@@ -47,6 +47,8 @@ class Task:
     calls_c: whether an integrator in Python takes accelerations and projections of C
     conditions: of events, and of the stop, at the first of which C ends this part of the run; first_step: what C tries first (s), 0 for its
         own choice
+    inspected: ascending numbers of the instants at which C inspects a run over the whole grid, None where it does not
+    kin: None, or a task that differs in its velocities alone, whose runs in C this one may take
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -71,6 +73,8 @@ class Task:
     calls_c: bool = False
     conditions: Conditions | None = None
     first_step: float = 0.0
+    inspected: np.ndarray | None = None
+    kin: Task | None = None
 
     def rank_at(self, kernels: Kernels, q: np.ndarray, t: float) -> int:
         """The rank of Φ_q where the run, or what is left of it, begins: at q (n,) and t (s), unless it is known already."""
@@ -111,18 +115,34 @@ class Task:
     @property
     def arrival(self) -> float | None:
         """Where steps with error control are to arrive (s); None where a stop may end the run before."""
-        return None if self.watched or self.method.has_fixed_step else float(self.grid[-1])
+        return None if self.conditions or self.stop or self.method.has_fixed_step else float(self.grid[-1])
 
     def begun(self, **numbers: Any) -> Task:
         """The same for a run with other numbers (`grid`, `movable`, `q`, `velocities`, `p`, `rank`, `tolerances` of the same kind), and
         with others who watch it: what was prepared stays."""
         task, _ = object.__new__(Task), self.runs
-        vars(task).update(vars(self), **numbers)
+        vars(task).update(vars(self), calls={}, **numbers)
+        return task
+
+    def with_velocities(self, velocities: np.ndarray) -> Task:
+        """The same from other velocities at the same start; runs in C take the rest from this task."""
+        return self.begun(velocities=velocities, kin=self)
+
+    def again(self, grid: np.ndarray, progress: Callable[[float], None] | None) -> Task:
+        """The same for a run with these numbers once more; grid: of the same times, which this run may move."""
+        task, _ = object.__new__(Task), self.calls
+        vars(task).update(vars(self))
+        vars(task)["grid"], vars(task)["progress"] = grid, progress
         return task
 
     @cached_property
     def runs(self) -> dict[Dynamics, PreparedRun]:
         """Runs in C that were prepared for this task, by state derivatives."""
+        return {}
+
+    @cached_property
+    def calls(self) -> dict[tuple[Kernels, str], RunCall]:
+        """Runs in C over the whole grid from the start of this task, by kernels and the form of accelerations."""
         return {}
 
     def inputs_in_c(self, rule: Callable[[np.ndarray, np.ndarray], np.ndarray] | None) -> RunInputs:

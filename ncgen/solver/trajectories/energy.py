@@ -81,13 +81,17 @@ def drift(kernels: Kernels, instants: Instants, p: np.ndarray, unseen: float = 0
     each = energies_of_run.tolist()
     totals = [kinetic + potential - done for (kinetic, potential, _), done in zip(each, instants.works(), strict=True)]
     error = max(max(totals) - totals[0], totals[0] - min(totals))
-    is_finite = math.isfinite(sum(totals))  # else nobody knows which of them is the largest
-    if is_finite and (error <= ROUNDING * abs(totals[0]) or error < limit * max(each)[0]):
+    if math.isfinite(sum(totals)) and is_small(error, totals[0], max(each)[0], limit):  # else nobody knows which of them is the largest
         return 0.0
     kinetic, potential = energies_of_run[:, 0], energies_of_run[:, 1]
     least = _least(kernels, instants.t[0], instants.q[0], p)
     ratio = float(_relative(kinetic, potential, instants.work, least, unseen))
     return 0.0 if not ratio < MIN_ALARMING_DRIFT and _is_still(kernels, instants.q) else ratio
+
+
+def is_small(change: float, energy: float, kinetic: float, limit: float) -> bool:
+    """Whether a change of a total energy is rounding, or below a limit of the largest kinetic energy, all in J."""
+    return change <= ROUNDING * abs(energy) or change < limit * kinetic
 
 
 def drifts(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray) -> np.ndarray:
