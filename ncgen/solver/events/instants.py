@@ -209,8 +209,7 @@ class Instant:
         Impulses only push, so none is left that does so.
         """
         closed, ratchets = self._closed(), self.functions.ratchets
-        spared = {*self.turning, *(self.held if np.array_equal(self.before.qd, self.at.qd) else ())}
-        if self._backward([*closed, *self._movable([k for k in ratchets if k not in spared])]):
+        if self._backward([*closed, *self._movable([k for k in ratchets if k not in self.turning])]):
             self._push([*closed, *self._movable(list(ratchets))], {"simultaneous"}, {}, restores=False)
 
     def _push(self, numbers: Sequence[int], orders: set[str], searches: Mapping[int, Search], restores: bool = True) -> bool:
@@ -255,8 +254,9 @@ class Instant:
         return bool(u[0] * side > 0) and not is_still(u[0], np.abs(W[0]) @ sizes * speed)
 
     def _backward(self, numbers: Sequence[int]) -> bool:
-        """Whether one of some gaps and ratchets moves to the side that is forbidden."""
-        return any(self._moves(k, -1) for k in numbers)
+        """Whether one of some gaps and ratchets moves to the side that is forbidden; if nothing was hit what is held moves by rounding."""
+        held = self.held if np.array_equal(self.before.qd, self.at.qd) else ()
+        return any(self._moves(k, -1) for k in numbers if k not in held)
 
     def _note_turns(self, hit: Hit, hitting: Sequence[int], start: State, restores: bool) -> None:
         """Note what hits did, of gaps with these numbers of conditions."""
