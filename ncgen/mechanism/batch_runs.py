@@ -26,7 +26,8 @@ from ncgen.methods.table import INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC, declared, runtime_abi
 
 SOURCES = (
-    "ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_block.h", "ncgen_block.c", "ncgen_block_steps.c", *RUNTIME_HEADERS,
+    "ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_block.h", "ncgen_block.c", "ncgen_block_steps.c",
+    "ncgen_step_rules.h", *RUNTIME_HEADERS,
 )  # fmt: skip
 
 

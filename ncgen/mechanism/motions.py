@@ -21,7 +21,10 @@ from ncgen.methods.table import INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
 from ncgen.toolchain.once import once
 
-SOURCES = ("ncgen_motions.h", "ncgen_motions.c", "ncgen_adjoint.c", "ncgen_space.c", "ncgen_space.h", "ncgen_vectors.h", "ncgen_rows.h")
+SOURCES = (
+    "ncgen_motions.h", "ncgen_motions.c", "ncgen_adjoint.c", "ncgen_space.c", "ncgen_space.h", "ncgen_step_rules.h",
+    "ncgen_vectors.h", "ncgen_rows.h",
+)  # fmt: skip
 
 TAPED = 2**24
 """Bytes that the tapes of a part may take, so that parts that are run and swept by several threads stay in the caches."""

@@ -56,8 +56,9 @@ void ncgen_block_lay_out(ncgen_block *r, ncgen_real *workspace)
     r->y = take(&workspace, r->ny);
     r->new_y = take(&workspace, r->ny);
     r->at = take(&workspace, r->ny);
-    for (int s = 0; s < WIDTH; ++s)
-        r->k[s] = take(&workspace, r->ny);
+    r->k[0] = take(&workspace, WIDTH * r->ny);
+    for (int s = 1; s < WIDTH; ++s)
+        r->k[s] = r->k[0] + s * r->ny;
 }
 
 int ncgen_block_is_stopped(ncgen_common *shared)

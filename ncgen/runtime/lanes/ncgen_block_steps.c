@@ -1,15 +1,11 @@
 /* ncgen_block_steps.c: steps of explicit Runge-Kutta methods, every lane at its own time, where its own error allows. */
 #include "ncgen_block.h"
+#include "ncgen_step_rules.h"
 
 enum { REPEAT_LIMIT = 8 };
 
 /* Shorter steps, over the run's length, move no clock: the square of rounding. */
 static const double shortest = 4.9e-32;
-
-static ncgen_real at_most(ncgen_real x, double limit)
-{
-    return ncgen_select(x > limit, ncgen_splat(limit), x);
-}
 
 /* Lanes whose independent coordinates have become bad: errors grow in the others more than at the start. */
 static ncgen_mask degraded(const ncgen_block *r, ncgen_mask lanes)
@@ -30,38 +26,24 @@ static ncgen_real mean_square(const ncgen_block *r, int count, const ncgen_real 
     return sum / (double)r->ny;
 }
 
-/* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4), without work as in ncgen_explicit.c. */
+/* A first step, without work as in ncgen_step_error.c. */
 static ncgen_real first_step(ncgen_block *r, int order, double span)
 {
     const int count = r->ny - 1;
     const ncgen_real d0 = NCGEN_SQRT(mean_square(r, count, r->y, r->y)), d1 = NCGEN_SQRT(mean_square(r, count, r->k[0], r->y));
-    const ncgen_mask tiny = (d0 < 1e-5) | (d1 < 1e-5);
-    const ncgen_real guess = at_most(ncgen_select(tiny, ncgen_splat(1e-6), 0.01 * d0 / d1), span);
+    const ncgen_real guess = ncgen_first_guess(d0, d1, ncgen_splat(span));
     for (int i = 0; i < r->ny; ++i)
         r->new_y[i] = r->y[i] + guess * r->k[0][i];
     const ncgen_mask good = ncgen_block_derivative(r, r->start_t + guess, r->new_y, r->k[1], r->running);
     for (int i = 0; i < r->ny; ++i)
         r->k[2][i] = r->k[1][i] - r->k[0][i];
     const ncgen_real d2 = NCGEN_SQRT(mean_square(r, count, r->k[2], r->y)) / guess;
-    const ncgen_real largest = ncgen_select(d1 > d2, d1, d2), root = ncgen_splat(1.0 / (order + 1));
-    ncgen_real better = ncgen_select(largest <= 1e-15, guess * 1e-3, NCGEN_POW(0.01 / largest, root));
-    better = ncgen_select(better > 100.0 * guess, 100.0 * guess, better);
-    return ncgen_select(good, at_most(better, span), guess * 0.01);
-}
-
-/* sum = sum over the stages of weight times stage derivative. */
-static void combine(const ncgen_block *r, int stages, const double *weights, ncgen_real *sum)
-{
-    for (int i = 0; i < r->ny; ++i)
-        sum[i] = ncgen_splat(0.0);
-    for (int j = 0; j < stages; ++j)
-        for (int i = 0; i < r->ny && fabs(weights[j]) > 0; ++i)
-            sum[i] += weights[j] * r->k[j][i];
+    return ncgen_select(good, ncgen_better_guess(guess, d1, d2, order, ncgen_splat(span)), guess * 0.01);
 }
 
 static void advance(const ncgen_block *r, ncgen_real h, int stages, const double *weights, ncgen_real *y_new)
 {
-    combine(r, stages, weights, y_new);
+    ncgen_sum_stages(r->ny, stages, weights, r->k[0], y_new);
     for (int i = 0; i < r->ny; ++i)
         y_new[i] = r->y[i] + h * y_new[i];
 }
@@ -82,7 +64,7 @@ static ncgen_mask trial_step(ncgen_block *r, const tableau *method, ncgen_real t
 /* Estimate k of the error over h, squared. */
 static ncgen_real estimate(ncgen_block *r, const tableau *method, int k)
 {
-    combine(r, method->stages + 1, method->errors[k], r->at);
+    ncgen_sum_stages(r->ny, method->stages + 1, method->errors[k], r->k[0], r->at);
     return mean_square(r, r->ny, r->at, r->new_y);
 }
 
@@ -91,8 +73,7 @@ static ncgen_real error_of(ncgen_block *r, const tableau *method, ncgen_real h)
     const ncgen_real error = estimate(r, method, 0);
     if (method->n_errors == 1)
         return h * NCGEN_SQRT(error);
-    const ncgen_real both = error + 0.01 * estimate(r, method, 1);
-    return ncgen_select(both > 0.0, h * error / NCGEN_SQRT(both), both);
+    return ncgen_damped_error(h, error, estimate(r, method, 1));
 }
 
 /* The stages that only the interpolant needs. */
@@ -202,12 +183,11 @@ static ncgen_real next_breaks(ncgen_block *r, ncgen_real t, double end)
 static void run_adaptive(ncgen_block *r, const tableau *method)
 {
     const double stop = r->to.times[r->to.n_times - 1], longest = r->options->max_step, span = stop - r->to.times[0];
-    const ncgen_real power = ncgen_splat(-1.0 / (method->order + 1));
     ncgen_real t = r->start_t, h = first_step(r, method->order, span);
     ncgen_mask rejected = {0}, repeats = {0};
     for (ncgen_block_report_attempt(r); ncgen_any(r->running); ncgen_block_report_attempt(r)) {
         if (longest > 0)
-            h = at_most(h, longest);
+            h = ncgen_at_most(h, ncgen_splat(longest));
         const ncgen_real goal = next_breaks(r, t, stop), wanted = h;
         const ncgen_mask last = t + h >= goal;
         h = ncgen_select(last, goal - t, h);
@@ -221,9 +201,9 @@ static void run_adaptive(ncgen_block *r, const tableau *method)
         repeats = (repeats - failed) & ~accepted; /* a mask is -1 */
         ncgen_block_fail(r, failed & (repeats > REPEAT_LIMIT));
         rejected = (rejected | too_large) & ~failed;
-        ncgen_real factor = at_most(ncgen_select(error > 0.0, 0.9 * NCGEN_POW(error, power), ncgen_splat(10.0)), 10.0);
+        ncgen_real factor = ncgen_at_most(ncgen_length_factor(error, method->order), ncgen_splat(10.0));
         factor = ncgen_select(factor < 0.2, ncgen_splat(0.2), factor);
-        factor = ncgen_select(accepted & rejected, at_most(factor, 1.0), factor);
+        factor = ncgen_select(accepted & rejected, ncgen_at_most(factor, ncgen_splat(1.0)), factor);
         factor = ncgen_select(failed, ncgen_splat(0.25), factor);
         rejected &= ~accepted;
 

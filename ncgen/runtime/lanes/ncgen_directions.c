@@ -1,6 +1,7 @@
 /* ncgen_directions.c: a run that was taped, differentiated along directions, a direction a lane; steps as in ncgen_adjoint.c. */
 #include "ncgen_directions.h"
 #include "ncgen_space.h"
+#include "ncgen_step_rules.h"
 #include "ncgen_vectors.h"
 #include "ncgen_tableaus.h"
 
@@ -143,15 +144,9 @@ static void stages(const sweep *s, double t, double h, const double *states, con
     const int size = 2 * s->n, last = s->method->stages;
     const ncgen_real zero = {0};
     for (int j = 0; j <= last; ++j) {
+        ncgen_sum_stages(size, j, s->method->a[j], s->stage_derivatives, s->seed);
         for (int i = 0; i < size; ++i)
-            s->seed[i] = s->state[i];
-        for (int k = 0; k < j; ++k) {
-            const double weight = h * s->method->a[j][k];
-            if (!(weight < 0 || weight > 0))
-                continue;
-            for (int i = 0; i < size; ++i)
-                s->seed[i] += weight * s->stage_derivatives[k * size + i];
-        }
+            s->seed[i] = s->state[i] + h * s->seed[i];
         if (j == last)
             break;
         note(s, j * size, size, s->seed);

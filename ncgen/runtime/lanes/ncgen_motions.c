@@ -3,6 +3,7 @@
  */
 #include "ncgen_motions.h"
 #include "ncgen_rows.h"
+#include "ncgen_step_rules.h"
 #include "ncgen_vectors.h"
 #include "ncgen_tableaus.h"
 
@@ -143,13 +144,7 @@ static void step(run *r, double t, double h, ncgen_real *tape)
     ncgen_copy(size, r->state, tape);
     for (int s = 1; s <= last; ++s) {
         ncgen_real *stage = tape + s * size;
-        for (int i = 0; i < size; ++i)
-            stage[i] = ncgen_splat(0.0);
-        for (int j = 0; j < s; ++j) {
-            const double weight = r->method->a[s][j];
-            for (int i = 0; i < size && fabs(weight) > 0; ++i)
-                stage[i] += weight * r->stage_derivatives[j * size + i];
-        }
+        ncgen_sum_stages(size, s, r->method->a[s], r->stage_derivatives, stage);
         for (int i = 0; i < size; ++i)
             stage[i] = r->state[i] + h * stage[i];
         if (s < last)

@@ -247,23 +247,25 @@ void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_r
 
 const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen)
 {
-    return ncgen_tree_along(&r->constrained->tree, chosen);
+    return ncgen_tree_along(r, &r->constrained->tree, chosen);
 }
 
-/* The state derivative by the recursion; 0 where its order of elimination is a bad one. */
-static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
+/* The derivative of the state (q, qd) by the recursion; 0 where its order of elimination is a bad one. */
+static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
     if (ncgen_read_inputs(r, t) != NCGEN_OK)
         return 0; /* the same is found again, and reported, on the way by the matrix */
-    ncgen_recursive_derivative(r, t, r->q, r->qd, w->emitted);
+    ncgen_recursive_derivative(r, t, q, qd, w->emitted);
     w->pivot_growth = w->emitted[2 * n + 1];
     if (ncgen_has_pivot_growth(r, w->pivot_growth))
         return 0;
     ncgen_copy(n, w->emitted, yd + n);
     ncgen_copy(n, w->emitted + n, yd);
     yd[2 * n] = w->emitted[2 * n];
+    w->has_phi_q = 0;
+    r->statistics->evaluations += 1;
     return 1;
 }
 
@@ -276,8 +278,8 @@ int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd)
     w->pivot_growth = w->emitted[n];
     w->is_factored = w->has_phi_q = 0;
     r->statistics->evaluations += 1;
-    ncgen_copy(n, w->emitted + n + 1, yd);
     ncgen_copy(n, w->emitted, yd + n);
+    ncgen_copy(n, w->emitted + n + 1, yd);
     yd[2 * n] = w->emitted[2 * n + 1];
     return 1;
 }
@@ -303,17 +305,15 @@ static int choose_form(ncgen_run *r, ncgen_scalar t)
     return NCGEN_OK;
 }
 
-static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
+/* In a stage r->q, r->qd may stay those of another state. */
+static int stage_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
-    ncgen_copy(2 * n, y, r->qd);
-    w->is_factored = !w->is_recursive || w->uses_matrix || !by_recursion(r, t, yd);
-    if (!w->is_factored) {
-        w->has_phi_q = 0;
-        r->statistics->evaluations += 1;
+    w->is_factored = !w->is_recursive || w->uses_matrix || !by_recursion(r, t, y + n, y, yd);
+    if (!w->is_factored)
         return NCGEN_OK;
-    }
+    ncgen_copy(2 * n, y, r->qd);
     r->statistics->fallbacks += w->is_recursive;
     const int status = ncgen_constrained_accelerations(r, t);
     if (status != NCGEN_OK)
@@ -321,6 +321,12 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     ncgen_copy(n, w->solution, yd);
     ncgen_copy(n, r->qd, yd + n);
     return ncgen_constrained_power(r, t, yd + 2 * n);
+}
+
+static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
+{
+    ncgen_copy(2 * r->n, y, r->qd);
+    return stage_derivative(r, t, y, yd);
 }
 
 /* A matrix without factors is left as it is: the evaluation that follows finds the same, and reports it. */
@@ -339,6 +345,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     const int n = r->n;
     const ncgen_scalar t = r->times[0];
     r->derivative = derivative;
+    r->stage_derivative = stage_derivative;
     ncgen_copy(n, velocities, r->y);
     ncgen_copy(n, r->start_q, r->y + n);
     ncgen_copy(n, velocities, r->start_qd);

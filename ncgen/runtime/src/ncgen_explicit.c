@@ -2,6 +2,7 @@
 #include "ncgen_explicit.h"
 #include "ncgen_constrained.h"
 #include "ncgen_method.h"
+#include "ncgen_step_rules.h"
 #include "ncgen_stiffness.h"
 
 enum { REPEAT_LIMIT = 8 };
@@ -77,7 +78,7 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
         if (status == NCGEN_OK && (s == last || projects))
             status = projected_derivative(r, w, at, s == last, ncgen_stage_derivative(r, w, s));
         else if (status == NCGEN_OK)
-            status = r->derivative(r, at, w->new_y, ncgen_stage_derivative(r, w, s));
+            status = r->stage_derivative(r, at, w->new_y, ncgen_stage_derivative(r, w, s));
         if (status != NCGEN_OK)
             return status;
     }
@@ -142,7 +143,7 @@ static int try_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncge
 
 static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 {
-    const ncgen_scalar end = r->times[r->n_times - 1], power = -1 / (ncgen_scalar)(method->order + 1);
+    const ncgen_scalar end = r->times[r->n_times - 1];
     ncgen_scalar t = r->times[0];
     ncgen_scalar h = r->options->first_step > 0 ? r->options->first_step : ncgen_first_step(r, w, method->order, t, end - t);
     int repeats = 0, rejected = 0, near = 0, stiff = 0, trouble = NCGEN_STEP_TOO_SHORT;
@@ -169,7 +170,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             h *= R(0.25);
             continue;
         }
-        ncgen_real factor = error > 0 ? R(0.9) * NCGEN_POW(error, power) : R(10.0);
+        ncgen_real factor = ncgen_length_factor(error, method->order);
         if (!(error < R(1.0))) {
             r->statistics->rejected += 1;
             r->uses_exchanges = rejected; /* again: it may be rounding */

@@ -131,21 +131,26 @@ int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w)
 int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar t_new)
 {
     const ncgen_scalar h = t_new - t;
-    int status = ncgen_check_state(r, w->new_y[r->error_size - 1]);
+    int status = r->partitioning ? ncgen_check_state(r, w->new_y[r->error_size - 1]) : NCGEN_OK; /* else it is new_y, which is finite */
     if (status != NCGEN_OK)
         return status;
     status = ncgen_accept(r, t_new, w->new_y);
     r->statistics->steps += 1;
+    int has_left = r->partitioning || r->options->event; /* r->q, r->qd the end of the step */
     int trouble = r->options->event ? stop_at_event(r, w, t, t_new) : NCGEN_OK;
     if (r->statistics->stopped)
         return trouble;
-    if (trouble == NCGEN_OK && has_rows_before(r, t + (1 - grid_tolerance) * h))
+    if (trouble == NCGEN_OK && has_rows_before(r, t + (1 - grid_tolerance) * h)) {
         trouble = write_inside(r, w, t, h, 1 - grid_tolerance);
+        has_left = 1;
+    }
     if (trouble != NCGEN_OK)
         return trouble;
     r->step_start = t_new;
-    ncgen_copy(r->n, r->start_q, r->q);
-    ncgen_copy(r->n, r->start_qd, r->qd);
+    if (has_left) {
+        ncgen_copy(r->n, r->start_q, r->q);
+        ncgen_copy(r->n, r->start_qd, r->qd);
+    }
     ncgen_copy(r->ny, w->new_y, r->y);
     write_end(r, t_new, t_new + grid_tolerance * h);
     return status == NCGEN_OK ? ncgen_choose(r) : status;

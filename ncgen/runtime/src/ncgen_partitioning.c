@@ -383,7 +383,7 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
 {
     ncgen_partitioning *w = r->partitioning;
     const ncgen_partition *d = &w->positions->of;
-    r->derivative = derivative;
+    r->derivative = r->stage_derivative = derivative;
     r->accept = accept;
     r->state = state;
     for (int k = 0; k < 2; ++k) {

@@ -7,6 +7,14 @@ typedef struct {
     ncgen_scalar weights[4];
 } terms;
 
+/* The next stage from j on that has a weight. */
+static inline int next_stage(int j, int stages, const ncgen_scalar *weights)
+{
+    while (j < stages && !(NCGEN_ABS(weights[j]) > 0))
+        ++j;
+    return j;
+}
+
 /* The next terms that have a weight, from stage *j on, which becomes the one behind them: how many. Others have a weight of 0. */
 static inline int next_terms(const ncgen_run *r, const ncgen_stepping *w, int *j, int stages, const ncgen_scalar *weights, terms *s)
 {
@@ -54,21 +62,27 @@ void ncgen_advance_by_stages(const ncgen_run *r, const ncgen_stepping *w, ncgen_
                     ncgen_real *NCGEN_RESTRICT y_new)
 {
     const ncgen_real *NCGEN_RESTRICT y = r->y;
-    const int ny = r->ny;
+    const int ny = r->ny, first = next_stage(0, stages, weights);
+    if (first < stages && next_stage(first + 1, stages, weights) == stages) {
+        const ncgen_real *NCGEN_RESTRICT only = ncgen_stage_derivative(r, w, first);
+        const ncgen_scalar weight = weights[first];
+        NCGEN_UNROLLED
+        for (int i = 0; i < ny; ++i)
+            y_new[i] = y[i] + h * (weight * only[i]);
+        return;
+    }
     terms s;
     int j = 0;
-    const int count = next_terms(r, w, &j, stages, weights, &s);
+    (void)next_terms(r, w, &j, stages, weights, &s);
     const ncgen_real *NCGEN_RESTRICT a = s.stage_derivatives[0], *NCGEN_RESTRICT b = s.stage_derivatives[1];
     const ncgen_real *NCGEN_RESTRICT c = s.stage_derivatives[2], *NCGEN_RESTRICT d = s.stage_derivatives[3];
-    if (count == 1)
-        for (int i = 0; i < ny; ++i)
-            y_new[i] = y[i] + h * (s.weights[0] * a[i]);
-    else if (j == stages)
+    if (j == stages) {
+        NCGEN_UNROLLED
         for (int i = 0; i < ny; ++i)
             y_new[i] = y[i] + h * (s.weights[0] * a[i] + s.weights[1] * b[i] + s.weights[2] * c[i] + s.weights[3] * d[i]);
-    else {
-        ncgen_combine_stages(r, w, stages, weights, y_new);
-        for (int i = 0; i < ny; ++i)
-            y_new[i] = y[i] + h * y_new[i];
+        return;
     }
+    ncgen_combine_stages(r, w, stages, weights, y_new);
+    for (int i = 0; i < ny; ++i)
+        y_new[i] = y[i] + h * y_new[i];
 }

@@ -36,6 +36,7 @@ struct ncgen_run {
     /* The formalism. project_state brings a new state onto the constraints and takes its derivative there, unless yd is NULL; accept looks at a
      * new state whose derivative is the last evaluation; state computes q and qd of an interpolated state. */
     int (*derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd);
+    int (*stage_derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd); /* the same, and r->q, r->qd may stay as they are */
     int (*project_state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd);
     int (*accept)(ncgen_run *r, ncgen_scalar t);
     int (*state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y);
@@ -65,6 +66,9 @@ static inline int ncgen_is_step(const ncgen_run *r, ncgen_scalar t, ncgen_scalar
 
 /* The rounding unit of numbers. */
 ncgen_scalar ncgen_rounding(void);
+
+/* Those of a motion from call to call: by RK4 in steps of this length, or by DOP853 within tolerances where it is 0. */
+ncgen_options ncgen_options_of_calls(ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol);
 
 /* A run without workspace; its state once that is known, or is being counted; and its first state. */
 void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);

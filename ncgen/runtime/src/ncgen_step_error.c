@@ -1,5 +1,6 @@
 /* ncgen_step_error.c: errors of steps against their tolerances, and a first step. */
 #include "ncgen_step_error.h"
+#include "ncgen_step_rules.h"
 
 /* The square of the first components in units of what is tolerated at a and b, a mean over all of them. */
 static ncgen_real mean_square(const ncgen_run *r, int count, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
@@ -47,20 +48,17 @@ ncgen_real ncgen_step_error(ncgen_run *r, ncgen_stepping *w, const tableau *meth
     const ncgen_real error = estimate(r, w, method, 0);
     if (method->n_errors == 1)
         return h * NCGEN_SQRT(error);
-    const ncgen_real both = error + R(0.01) * estimate(r, w, method, 1);
-    return both > 0 ? h * error / NCGEN_SQRT(both) : both;
+    return ncgen_damped_error(h, error, estimate(r, w, method, 1));
 }
 
-/* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). Work is left out: it begins with 0, so that
+/* A first step from the sizes of y, yd and an estimate of ydd. Work is left out: it begins with 0, so that
  * any power would be infinitely fast next to it. */
 ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_scalar t, ncgen_scalar span)
 {
     const int count = r->error_size - 1;
     const ncgen_real d0 = NCGEN_SQRT(mean_square(r, count, r->y, r->y, r->y));
     const ncgen_real d1 = NCGEN_SQRT(mean_square(r, count, ncgen_stage_derivative(r, w, 0), r->y, r->y));
-    ncgen_real guess = d0 < R(1.0e-5) || d1 < R(1.0e-5) ? R(1.0e-6) : R(0.01) * d0 / d1;
-    if (guess > span)
-        guess = span;
+    const ncgen_real guess = ncgen_first_guess(d0, d1, span);
     for (int i = 0; i < r->ny; ++i)
         w->new_y[i] = r->y[i] + guess * ncgen_stage_derivative(r, w, 0)[i];
     if (r->derivative(r, t + guess, w->new_y, ncgen_stage_derivative(r, w, 1)) != NCGEN_OK)
@@ -68,12 +66,5 @@ ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_
     for (int i = 0; i < r->ny; ++i)
         w->at[i] = ncgen_stage_derivative(r, w, 1)[i] - ncgen_stage_derivative(r, w, 0)[i];
     const ncgen_real d2 = NCGEN_SQRT(mean_square(r, count, w->at, r->y, r->y)) / guess;
-    if (!ncgen_is_finite(1, &d2))
-        return guess * R(0.01);
-    const ncgen_real largest = d1 > d2 ? d1 : d2;
-    const ncgen_scalar root = 1 / (ncgen_scalar)(order + 1);
-    ncgen_real better = largest <= R(1.0e-15) ? guess * R(1.0e-3) : NCGEN_POW(R(0.01) / largest, root);
-    if (better > R(100.0) * guess)
-        better = R(100.0) * guess;
-    return better < span ? better : span;
+    return ncgen_better_guess(guess, d1, d2, order, span);
 }

@@ -20,19 +20,29 @@ ncgen_real ncgen_norm(int count, const ncgen_real *x)
     return NCGEN_SQRT(ncgen_dot(count, x, x));
 }
 
+/* Each lane has a largest number of its own, and a sum that is 0 unless one of its numbers is infinite or NaN. */
 ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *sizes)
 {
-    ncgen_real largest = 0;
-    for (int i = 0; i < count; ++i) {
-        if (NCGEN_ABS(x[i]) <= largest * sizes[i]) /* which most are, without a division */
-            continue;
+    enum { LANES = 4 };
+    ncgen_real largest[LANES] = {0}, left[LANES] = {0};
+    int i = 0;
+    for (; i + LANES <= count; i += LANES)
+        NCGEN_VECTORISED
+        for (int k = 0; k < LANES; ++k) {
+            const ncgen_real size = NCGEN_ABS(x[i + k]) / sizes[i + k];
+            largest[k] = size > largest[k] ? size : largest[k];
+            left[k] += size - size;
+        }
+    for (; i < count; ++i) {
         const ncgen_real size = NCGEN_ABS(x[i]) / sizes[i];
-        if (size != size)
-            return size;
-        if (size > largest)
-            largest = size;
+        largest[0] = size > largest[0] ? size : largest[0];
+        left[0] += size - size;
     }
-    return largest;
+    for (int k = 1; k < LANES; ++k) {
+        largest[0] = largest[k] > largest[0] ? largest[k] : largest[0];
+        left[0] += left[k];
+    }
+    return NCGEN_ABS(left[0]) > 0 || left[0] != left[0] ? left[0] : largest[0];
 }
 
 /* Numbers in a row that are added up together, in vectors of the processor where it has them. */

@@ -7,6 +7,15 @@
 /* A literal of the number type, with the digits of the longest type that C99 has. */
 #define R(x) ((ncgen_scalar)(x##L))
 
+/* Before an inner loop of few runs: it becomes vectors of the processor, and is not unrolled; before a long one: it is unrolled. */
+#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 8
+#define NCGEN_VECTORISED _Pragma("GCC unroll 1")
+#define NCGEN_UNROLLED _Pragma("GCC unroll 4")
+#else
+#define NCGEN_VECTORISED
+#define NCGEN_UNROLLED
+#endif
+
 ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b);
 ncgen_real ncgen_norm(int count, const ncgen_real *x);
 int ncgen_is_finite(int count, const ncgen_real *x);  /* is no number infinite or none at all? */
