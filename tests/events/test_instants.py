@@ -44,7 +44,7 @@ def pushed(inertias, rows, wanted, w):
     return best
 
 
-def settled(inertias, at, w, stops, ratchets, restitution):
+def after_impacts(inertias, at, w, stops, ratchets, restitution):
     """Velocities after all impacts at one instant at these angles."""
     unit = np.eye(len(w))
     touching = np.array([-unit[k] for k, upper in stops.items() if abs(at[k] - upper) < 1e-9]).reshape(-1, len(w))
@@ -63,14 +63,14 @@ def motion(inertias, w, stops, ratchets, restitution, duration, at=None):
     """Angles and velocities at the end of a motion from these velocities, and the greatest angles."""
     inertias, t = np.array(inertias), 0.0
     at = np.zeros(len(w)) if at is None else np.array(at)
-    w = settled(inertias, at, np.array(w), stops, ratchets, restitution)
+    w = after_impacts(inertias, at, np.array(w), stops, ratchets, restitution)
     for _ in range(1000):
         times = [(upper - at[k]) / w[k] for k, upper in stops.items() if w[k] > 1e-12 and upper - at[k] > 1e-9]
         step = min([duration - t, *times])
         at, t = at + w * step, t + step
         if t >= duration - 1e-12:
             return at, w
-        w = settled(inertias, at, w, stops, ratchets, restitution)
+        w = after_impacts(inertias, at, w, stops, ratchets, restitution)
     raise AssertionError("too many impacts")
 
 

@@ -184,7 +184,7 @@ static int act_all(void *context)
     for (int k = 0; k < ncgen_n_events(i) && status == NCGEN_OK; ++k)
         if (due[k] && (hit || !ncgen_impact_of(i->events, k)))
             status = act(i, k);
-    return status == NCGEN_OK ? ncgen_settle(i) : status;
+    return status == NCGEN_OK ? ncgen_hit_remaining(i) : status;
 }
 
 static int look_again(void *context)

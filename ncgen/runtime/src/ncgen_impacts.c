@@ -301,7 +301,7 @@ int ncgen_hit(ncgen_instant *i, const int *due, int *hit)
     return status == NCGEN_OK && (*hit || !due) ? stop_others(i) : status;
 }
 
-int ncgen_settle(ncgen_instant *i)
+int ncgen_hit_remaining(ncgen_instant *i)
 {
     int hit, status = ncgen_look(i);
     if (status == NCGEN_OK)

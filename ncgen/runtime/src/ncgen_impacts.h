@@ -20,7 +20,7 @@ int ncgen_hit(ncgen_instant *i, const int *due, int *hit);
 int ncgen_was_hit(const ncgen_instant *i);
 
 /* The same of what actions have left closing or running backward. */
-int ncgen_settle(ncgen_instant *i);
+int ncgen_hit_remaining(ncgen_instant *i);
 
 /* The velocities that an event sets, with those of all other coordinates. */
 int ncgen_set_velocities(ncgen_instant *i, int event);
