@@ -26,6 +26,9 @@ MAX_STATEMENTS_PER_FILE = 4000
 """Statements of a motion's programs above which each is a file, so that compilers work on them side by side: they take two seconds for so
 many."""
 
+MAX_STATEMENTS_OF_PARTS = MAX_STATEMENTS_PER_FILE // 2
+"""Statements of a file with blocks of a program: two compilers share those of an arm of seven hinges."""
+
 DIFFERENTIATED = {"tangent": "along a direction", "adjoint": "transposed"}
 
 
@@ -69,10 +72,26 @@ def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = Fals
     files: dict[str, str] = {}
     for program in programs.all if in_files else ():
         records = program_records((program,), prefix, program.name, numbers)
-        files[f"{prefix}_{program.name}.c"] = render("c/recursion_kernel.c.jinja", **records)
+        others = {} if program.phases is None else _parts_files(program, records)
+        files |= others | {f"{prefix}_{program.name}.c": render("c/recursion_kernel.c.jinja", is_apart=bool(others), **records)}
     records = {"model": equations.model, "prepared": programs.prepared, "in_files": in_files, "forced": forced}
     records |= program_records(programs.all, prefix, "recursion", numbers)
     return files | {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
+
+
+def _parts_files(program: Program, records: Record) -> dict[str, str]:
+    """{file name: text}: the blocks of a program in phases, about as many statements in each file; none of one whose blocks read tables."""
+    if records["index_tables"] or records["number_tables"]:
+        return {}
+    (kernel,) = records["kernels"]
+    count = -(-program.length // MAX_STATEMENTS_OF_PARTS)
+    begun = [sum(len(block.ops) for block in program.blocks[:k]) * count // program.length for k in range(len(program.blocks))]
+    files: dict[str, str] = {}
+    for part in range(count):
+        name = f"{kernel['function']}_parts{part + 1}"
+        blocks = [block for block, place in zip(kernel["blocks"], begun, strict=True) if place == part]
+        files[f"{name}.c"] = render("c/recursion_parts.c.jinja", name=name, prefix=records["prefix"], blocks=blocks)
+    return files
 
 
 def seeded_files(programs: MotionPrograms, equations: Terms, kind: str) -> dict[str, str]:
