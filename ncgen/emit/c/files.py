@@ -68,14 +68,14 @@ def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = Fals
     """{file name: text}: the motion of all coordinates, for the runtime to integrate; long programs in files of their own. forced: the
     derivative takes forces as one more input; numbers: as of `model_files`."""
     prefix = prefix_of(equations.model.name)
-    in_files = sum(program.length for program in programs.all) > MAX_STATEMENTS_PER_FILE
+    in_files = sum(program.length for program in programs.emitted) > MAX_STATEMENTS_PER_FILE
     files: dict[str, str] = {}
-    for program in programs.all if in_files else ():
+    for program in programs.emitted if in_files else ():
         records = program_records((program,), prefix, program.name, numbers)
         others = {} if program.phases is None else _parts_files(program, records)
         files |= others | {f"{prefix}_{program.name}.c": render("c/recursion_kernel.c.jinja", is_apart=bool(others), **records)}
     records = {"model": equations.model, "prepared": programs.prepared, "in_files": in_files, "forced": forced}
-    records |= program_records(programs.all, prefix, "recursion", numbers)
+    records |= program_records(programs.emitted, prefix, "recursion", numbers)
     return files | {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
 
 

@@ -103,7 +103,12 @@ class MotionPrograms:
 
     @property
     def all(self) -> tuple[Program, ...]:
-        """The programs that are emitted: they contain the others. A derivative has the order of `projected` there."""
+        parts = (self.derivative, self.velocities, self.closing)
+        return (*parts, self.prepare) if self.prepare else parts
+
+    @property
+    def emitted(self) -> tuple[Program, ...]:
+        """The programs that a motion is printed from: `projected` contains others, and a derivative has its order."""
         moving = (self.projected,) if self.projected else (as_projected(self.derivative), self.velocities)
         parts = (*moving, self.closing)
         return (*parts, self.prepare) if self.prepare else parts
@@ -161,7 +166,7 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
         prepare=prepare,
         is_general=is_described(equations, samples[0]),
     )
-    for program in (*motion.all, motion.derivative, motion.velocities):
+    for program in (*motion.all, *motion.emitted):
         verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + motion.prepared})
     return motion
 
