@@ -44,13 +44,6 @@ extern "C" {
 #define NCGEN_NOINLINE
 #endif
 
-/* The same in another file, which nothing but this function calls. */
-#if defined(__GNUC__) && !defined(_WIN32) && !defined(__wasm__)
-#define NCGEN_PART NCGEN_NOINLINE __attribute__((visibility("hidden")))
-#else
-#define NCGEN_PART NCGEN_NOINLINE
-#endif
-
 #define NCGEN_ABI_VERSION 1
 
 /* begin cdef */

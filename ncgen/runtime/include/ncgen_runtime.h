@@ -16,6 +16,13 @@
 #endif
 #define NCGEN_GAPS (64 * NCGEN_GAP)
 
+/* A part of a long function that stands in another file, and which nothing else calls. */
+#if defined(__GNUC__) && !defined(_WIN32) && !defined(__wasm__)
+#define NCGEN_PART NCGEN_NOINLINE __attribute__((visibility("hidden")))
+#else
+#define NCGEN_PART NCGEN_NOINLINE
+#endif
+
 #ifdef __cplusplus
 extern "C" {
 #endif
