@@ -59,6 +59,9 @@ BREAKS = "ncgen_breaks.c"
 EVENTS = "ncgen_events.c"
 """Likewise of those that have events."""
 
+CLOSING = "ncgen_closing_tangent.c"
+"""Likewise of those with derivatives."""
+
 FORMULAS = "ncgen_formula.c"
 """Likewise of those with conditions that are no polynomials within a step."""
 
@@ -103,6 +106,7 @@ class Package:
         """{file name: text}: everything in C, with names of its own."""
         more = [*([BREAKS] if self.switching else []), *([EVENTS] if self.events else [])]
         more += [FORMULAS] if self.events and self.events.described["formulas"] else []
+        more += [CLOSING] if self.tangents else []
         needed = needed_by(RUNTIME, *more, defined=(WITHOUT_TABLES,))
         runtime = runtime_files(*HEADERS, *needed, defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime

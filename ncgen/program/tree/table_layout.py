@@ -41,7 +41,7 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "n_measured": len(tree.measured), "n_rotors": len(tree.masses.rotors),
         "n_groups": len(tree.coupled.carriers), "n_closing": len(tree.closing),
         "n_copies": len(tree.sizes) - tree.n, "n_opposed": len(tree.opposed),
-        "most_rows": max(map(len, tree.closes)), "most_members": max(map(len, members)),
+        "most_rows": max(map(len, tree.closes)),
     }  # fmt: skip
     indices = {
         "parent": [-1 if link.parent is None else link.parent for link in tree.tree.links],
@@ -56,7 +56,6 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "pair_start": _starts(_count(len(links), [pair[0] for pair in tree.masses.pairs])),
         "member_start": _starts([len(each) for each in members]),
         "members": [c for each, link in zip(members, links, strict=True) for e in each for c in _components(tree, link, e)],
-        "mass_start": _starts([1 + len(each) + len(each) ** 2 for each in members]),
         "pairs": _flat([(_place(members[link], a), _place(members[link], b), value) for link, a, b, value in tree.masses.pairs]),
         "single_start": _starts(_count(len(links), [single[0] for single in tree.masses.singles])),
         "singles": _flat([single[1:] for single in tree.masses.singles]),

@@ -95,7 +95,7 @@ typedef struct ncgen_motion {
  * later links. What moves with a link only where loops are closed has a copy there, a number behind the coordinates. */
 typedef struct ncgen_tree {
     int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors, n_groups, n_copies;
-    int most_rows, most_members;   /* of a link */
+    int most_rows;                 /* of a link */
     const int *parent;             /* of a link; -1: the ground */
     const int *reference;          /* 3 components of a point of each link */
     const int *screw_start;        /* n_links + 1 */
@@ -111,7 +111,6 @@ typedef struct ncgen_tree {
     const int *members;            /* 3 components of elements between which a body has mass that is the same along all axes, without the
                                     * reference point, but with it, without mass, where they are less than three */
     const ncgen_scalar *member_is_point;
-    const int *mass_start;         /* n_links + 1: where the masses of its members begin */
     const int *pair_start;         /* n_links + 1 */
     const int *pairs;              /* 3 of each pair: two members of its link, number of its value in the mass matrix; the number behind
                                     * the last member is the reference point */

@@ -247,7 +247,7 @@ void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_r
 
 const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen)
 {
-    return ncgen_tree_along(&r->constrained->tree, chosen);
+    return ncgen_tree_along(r, &r->constrained->tree, chosen);
 }
 
 /* yd of [qd, growth, qdd, power] in w->emitted; 0 where the order of elimination is a bad one. */

@@ -79,9 +79,9 @@ static inline void ncgen_add_own_product(ncgen_real factor, const ncgen_real *a,
     ncgen_add_times(factor * a[2], along, inertia + MIXED + 6);
 }
 
-/* An inertia about a point that is d away from the one it is about now, added to another one:
+/* An inertia about a point that is d away from the one it is about now:
  * B + D M, and I - B D + D B' - D M D, where D is d x. */
-static inline void ncgen_add_shifted(const ncgen_real *inertia, const ncgen_real *d, ncgen_real *sum)
+static inline void ncgen_set_shifted(const ncgen_real *inertia, const ncgen_real *d, ncgen_real *sum)
 {
     const ncgen_real *B = inertia + MIXED, *M = inertia + ALONG;
     const ncgen_real x = d[0], y = d[1], z = d[2];
@@ -89,19 +89,19 @@ static inline void ncgen_add_shifted(const ncgen_real *inertia, const ncgen_real
     const ncgen_real a[3] = {B[0] + y * M[4] - z * M[3], B[1] + y * M[5] - z * M[1], B[2] + y * M[2] - z * M[5]};
     const ncgen_real b[3] = {B[3] + z * M[0] - x * M[4], B[4] + z * M[3] - x * M[5], B[5] + z * M[4] - x * M[2]};
     const ncgen_real c[3] = {B[6] + x * M[3] - y * M[0], B[7] + x * M[1] - y * M[3], B[8] + x * M[5] - y * M[4]};
-    sum[TURNING] += inertia[0] - (B[1] * z - B[2] * y) - (a[1] * z - a[2] * y);
-    sum[TURNING + 1] += inertia[1] - (B[5] * x - B[3] * z) - (b[2] * x - b[0] * z);
-    sum[TURNING + 2] += inertia[2] - (B[6] * y - B[7] * x) - (c[0] * y - c[1] * x);
-    sum[TURNING + 3] += inertia[3] - (B[2] * x - B[0] * z) - (b[1] * z - b[2] * y);
-    sum[TURNING + 4] += inertia[4] - (B[0] * y - B[1] * x) - (c[1] * z - c[2] * y);
-    sum[TURNING + 5] += inertia[5] - (B[3] * y - B[4] * x) - (c[2] * x - c[0] * z);
+    sum[TURNING] = inertia[0] - B[1] * z + B[2] * y - a[1] * z + a[2] * y;
+    sum[TURNING + 1] = inertia[1] - B[5] * x + B[3] * z - b[2] * x + b[0] * z;
+    sum[TURNING + 2] = inertia[2] - B[6] * y + B[7] * x - c[0] * y + c[1] * x;
+    sum[TURNING + 3] = inertia[3] - B[2] * x + B[0] * z - b[1] * z + b[2] * y;
+    sum[TURNING + 4] = inertia[4] - B[0] * y + B[1] * x - c[1] * z + c[2] * y;
+    sum[TURNING + 5] = inertia[5] - B[3] * y + B[4] * x - c[2] * x + c[0] * z;
     for (int i = 0; i < 3; ++i) {
-        sum[MIXED + i] += a[i];
-        sum[MIXED + 3 + i] += b[i];
-        sum[MIXED + 6 + i] += c[i];
+        sum[MIXED + i] = a[i];
+        sum[MIXED + 3 + i] = b[i];
+        sum[MIXED + 6 + i] = c[i];
     }
     for (int i = 0; i < 6; ++i)
-        sum[ALONG + i] += M[i];
+        sum[ALONG + i] = M[i];
 }
 
 /* Momentum of an inertia for a screw at rate 1. */

@@ -9,26 +9,20 @@
 #include "ncgen_tree_bodies.h"
 #include "ncgen_tree_loops.h"
 #include "ncgen_tree_rates.h"
+#include "ncgen_tree_singles.h"
 #include "ncgen_tree_solve.h"
 
-/* Where a link, its elements and its axes are. */
-static inline void place(const ncgen_tree_work *w, ncgen_tree_link *own, const ncgen_tree_place *at, const int n_screws)
+/* Where a link and its axes are. */
+static inline void place(const ncgen_tree_work *w, ncgen_tree_link *own, ncgen_tree_screw *screw, const int n_screws)
 {
-    const ncgen_real *values = w->values, *before = w->link[own->parent].origin;
-    const ncgen_real x = values[own->reference[0]], y = values[own->reference[1]], z = values[own->reference[2]];
-    own->origin[0] = x;
-    own->origin[1] = y;
-    own->origin[2] = z;
-    own->offset[0] = x - before[0];
-    own->offset[1] = y - before[1];
-    own->offset[2] = z - before[2];
-    for (ncgen_tree_element *e = at->element, *end = e + own->n_elements; e < end; ++e) {
-        e->lever[0] = values[e->c[0]] - e->is_point * x;
-        e->lever[1] = values[e->c[1]] - e->is_point * y;
-        e->lever[2] = values[e->c[2]] - e->is_point * z;
-    }
-    for (int k = 0; k < n_screws; ++k) {
-        ncgen_tree_screw *screw = at->screw + k;
+    const ncgen_real *values = w->values;
+    const ncgen_real origin[3] = {values[own->reference[0]], values[own->reference[1]], values[own->reference[2]]};
+    ncgen_real before[3];
+    ncgen_get3(ncgen_lane_before(w, own), ORIGIN, before);
+    for (int i = 0; i < 3; ++i)
+        own->offset[i] = origin[i] - before[i];
+    ncgen_put3(origin, own->lane, ORIGIN);
+    for (int k = 0; k < n_screws; ++k, ++screw) {
         for (int i = 0; i < 3; ++i)
             screw->axis[i] = screw->weight * values[screw->c[i]];
         for (int s = screw->first_term; s < screw->end_term; ++s)
@@ -37,63 +31,49 @@ static inline void place(const ncgen_tree_work *w, ncgen_tree_link *own, const n
     }
 }
 
-/* Velocities of a link's coordinates from its twist. */
-static inline void spread_twist(const ncgen_tree_element *e, int count, const ncgen_real *twist, ncgen_real *moved)
+/* Where all links, their axes and elements, and their bodies are. */
+static void place_all(const ncgen_run *r, ncgen_tree_work *w)
 {
-    for (const ncgen_tree_element *end = e + count; e < end; ++e) {
-        ncgen_real velocity[3];
-        ncgen_carried(e, twist, velocity);
-        moved[e->c[0]] = velocity[0];
-        moved[e->c[1]] = velocity[1];
-        moved[e->c[2]] = velocity[2];
-    }
+    ncgen_tree_screw *screw = w->screw;
+    for (ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; screw += own->n_screws, ++own)
+        if (own->n_screws == 1)
+            place(w, own, screw, 1);
+        else
+            place(w, own, screw, own->n_screws);
+    ncgen_tree_place_bodies(r, w);
 }
 
-/* Accelerations of a link's coordinates from its own. */
-static inline void spread_change(const ncgen_tree_element *e, int count, const ncgen_real *twist, const ncgen_real *change,
-                                 ncgen_real *moved)
+/* What the acceleration of a link is without that of the joints; before, twist: of its parent, and its own. */
+static inline void find_change(const ncgen_tree_work *w, const ncgen_tree_link *own, const ncgen_tree_screw *screws, const int n_screws,
+                               const ncgen_real *before, const ncgen_real *twist)
 {
-    for (const ncgen_tree_element *end = e + count; e < end; ++e) {
-        ncgen_real speed[3], acceleration[3];
-        ncgen_cross(twist, e->lever, speed);
-        ncgen_carried(e, change, acceleration);
-        ncgen_add_cross(twist, speed, acceleration);
-        moved[e->c[0]] = acceleration[0];
-        moved[e->c[1]] = acceleration[1];
-        moved[e->c[2]] = acceleration[2];
-    }
-}
-
-/* What the acceleration of a link is without that of the joints. */
-static inline void find_change(const ncgen_tree_work *w, ncgen_tree_link *own, const ncgen_tree_screw *screws, const int n_screws)
-{
-    const ncgen_tree_link *parent = w->link + own->parent;
-    const ncgen_real *before = parent->twist;
-    const ncgen_real faster[3] = {own->twist[3] - before[3], own->twist[4] - before[4], own->twist[5] - before[5]};
+    const ncgen_real faster[3] = {twist[3] - before[3], twist[4] - before[4], twist[5] - before[5]};
     ncgen_real change[6], turned_axis[3];
-    ncgen_set6(parent->change, change);
-    ncgen_add_cross(parent->change, own->offset, change + 3);
+    ncgen_get6(ncgen_lane_before(w, own), CHANGE, change);
+    ncgen_add_cross(change, own->offset, change + 3);
     ncgen_add_cross(before, faster, change + 3);
     for (int k = 0; k < n_screws; ++k) {
         ncgen_cross(before, screws[k].axis, turned_axis);
         ncgen_add_times(screws[k].is_carried * screws[k].rate, turned_axis, change + (screws[k].turns ? 0 : 3));
     }
-    ncgen_set6(change, own->change);
+    ncgen_put6(change, own->lane, CHANGE);
 }
 
-/* Of a link: where it is, how it moves, its body; is_hinge: whether it is one, known to the compiler. */
-static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, ncgen_tree_link *own, const ncgen_tree_place *at, const ncgen_real *qd,
-                        const int with_changes, const int is_hinge)
+/* The twist of a link without that of its joint. */
+static inline void begin_twist(const ncgen_tree_work *w, const ncgen_tree_link *own, ncgen_real *twist)
+{
+    ncgen_get6(ncgen_lane_before(w, own), TWIST, twist);
+    ncgen_add_cross(twist, own->offset, twist + 3);
+}
+
+/* How a link moves; is_hinge: whether it is one, known to the compiler. */
+static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, const ncgen_tree_link *own, const ncgen_tree_place *at,
+                        const ncgen_real *qd, const int with_changes, const int is_hinge)
 {
     const int n_screws = is_hinge ? 1 : own->n_screws;
-    const ncgen_real *before = w->link[own->parent].twist;
-    ncgen_real twist[6];
+    ncgen_real twist[6], before[6];
     int status = NCGEN_OK;
-    if (!w->is_factored) {
-        place(w, own, at, n_screws);
-        ncgen_find_moments(w, own, at, own->moments);
-        ncgen_set_inertia(own->moments, at->masses[0], own->inertia);
-    }
+    ncgen_get6(ncgen_lane_before(w, own), TWIST, before);
     ncgen_set6(before, twist);
     ncgen_add_cross(before, own->offset, twist + 3);
     if (is_hinge)
@@ -102,23 +82,10 @@ static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, ncgen_tree_link 
         status = ncgen_tree_find_rates(r, w, own, at, qd, twist);
     for (int k = 0; k < n_screws; ++k)
         ncgen_add_times(at->screw[k].rate, at->screw[k].axis, twist + (is_hinge || at->screw[k].turns ? 0 : 3));
-    ncgen_set6(twist, own->twist);
-    spread_twist(at->element, own->n_elements, twist, w->moved);
+    ncgen_put6(twist, own->lane, TWIST);
     if (with_changes)
-        find_change(w, own, at->screw, n_screws);
-    if (with_changes)
-        ncgen_set_wrench(own->moments, at->masses[0], own->twist, own->change, own->wrench);
-    else
-        ncgen_set6(ncgen_nothing, own->wrench);
+        find_change(w, own, at->screw, n_screws, before, twist);
     return status;
-}
-
-/* Velocities of the coordinates that measure joints. */
-static void write_rates(ncgen_tree_work *w)
-{
-    const ncgen_tree *tree = w->tree;
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].rate;
 }
 
 static int is_same(int count, const ncgen_real *a, const ncgen_real *b)
@@ -129,16 +96,21 @@ static int is_same(int count, const ncgen_real *a, const ncgen_real *b)
     return 1;
 }
 
-/* Outward: where links are, how they move, and their bodies; at the position of the evaluation before this one only how they move.
- * Wrenches are those of mass that is the same along all axes without accelerations of the joints, or none. */
-static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *q, const ncgen_real *qd, const int with_changes)
+/* Outward: where links are, how they move, and their bodies; at the position of the evaluation before this one only how they move: the
+ * velocities of all coordinates in `moved`. Wrenches are those of mass that is the same along all axes without accelerations of the joints,
+ * or none. */
+static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *q, const ncgen_real *qd, ncgen_real *moved,
+                             const int with_changes)
 {
     const ncgen_tree *tree = w->tree;
     ncgen_tree_place at = ncgen_tree_begin(w);
     int status = NCGEN_OK;
     w->is_factored = w->is_factored && is_same(r->n, q, w->values);
     w->are_there = w->are_there && w->is_factored;
-    ncgen_copy(r->n, q, w->values);
+    if (!w->is_factored) {
+        ncgen_copy(r->n, q, w->values);
+        place_all(r, w);
+    }
     for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own) {
         if (own->is_hinge)
             go_on(r, w, own, &at, qd, with_changes, 1);
@@ -146,7 +118,12 @@ static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen
             status = NCGEN_SINGULAR;
         ncgen_tree_go_on(own, &at);
     }
-    write_rates(w);
+    if (with_changes)
+        ncgen_tree_set_wrenches(w);
+    else
+        ncgen_tree_spread_twists(w);
+    ncgen_tree_measure_rates(w);
+    ncgen_tree_take(r, w, moved);
     return status;
 }
 
@@ -154,8 +131,6 @@ static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen
 static int solve(ncgen_tree_work *w)
 {
     ncgen_tree_begin_pushes(w);
-    if (!w->is_factored && !ncgen_has_pairs_alone(w))
-        ncgen_tree_add_singles(w);
     if (w->is_factored)
         ncgen_tree_push(w);
     else
@@ -178,24 +153,17 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     const int n = r->n;
     ncgen_real *qdd = out + n + 1, *power = qdd + n;
     ncgen_tree_mass_at(r, w, t, q);
-    int is_regular = go_outward(r, w, q, qd, 1) == NCGEN_OK;
-    ncgen_copy(n, w->moved, out);
+    int is_regular = go_outward(r, w, q, qd, out, 1) == NCGEN_OK;
     if (ncgen_forces(r, t, q, out, w->force) != NCGEN_OK)
         is_regular = 0;
     if (!ncgen_has_pairs_alone(w))
         ncgen_tree_push_singles(w);
+    ncgen_tree_put(r, w, FORCE, w->force);
+    ncgen_tree_add_forces(w);
     is_regular &= solve(w);
-    const ncgen_tree_element *element = w->element;
-    for (const ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; element += own->n_elements, ++own) {
-        ncgen_real change[6];
-        ncgen_set6(own->change, change);
-        ncgen_add_times(1, own->wrench, change);
-        ncgen_add_times(1, own->wrench + 3, change + 3);
-        spread_change(element, own->n_elements, own->twist, change, w->moved);
-    }
-    for (int i = 0; i < tree->n_measured; ++i)
-        w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
-    ncgen_copy(n, w->moved, qdd);
+    ncgen_tree_spread_changes(w);
+    ncgen_tree_measure_pushes(w);
+    ncgen_tree_take(r, w, qdd);
     if (tree->n_closing)
         is_regular &= ncgen_gamma(r, t, q, out, w->gamma) == NCGEN_OK && ncgen_tree_close_loops(r, w, t, w->gamma, qdd);
     if (ncgen_power(r, t, q, out, power) != NCGEN_OK)
@@ -217,8 +185,7 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
 {
     const int n = r->n, closes_loops = w->tree->n_closing > 0;
     ncgen_tree_mass_at(r, w, t, q);
-    int is_regular = go_outward(r, w, q, qd, 0) == NCGEN_OK;
-    ncgen_copy(n, w->moved, out);
+    int is_regular = go_outward(r, w, q, qd, out, 0) == NCGEN_OK;
     is_regular &= factor(r, w);
     if (closes_loops)
         is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
@@ -231,32 +198,11 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     out[n] = growth_of(w, is_regular && ncgen_is_finite(n, out));
 }
 
-/* The twist of a link without that of its joint. */
-static inline void begin_twist(const ncgen_tree_work *w, ncgen_tree_link *own)
-{
-    const ncgen_real *before = w->link[own->parent].twist;
-    ncgen_set6(before, own->twist);
-    ncgen_add_cross(before, own->offset, own->twist + 3);
-}
-
-static inline void add_screws(ncgen_tree_link *own, const ncgen_tree_screw *screws)
+static inline void add_screws(const ncgen_tree_link *own, const ncgen_tree_screw *screws, ncgen_real *twist)
 {
     for (int k = 0; k < own->n_screws; ++k)
-        ncgen_add_times(screws[k].rate, screws[k].axis, own->twist + (screws[k].turns ? 0 : 3));
-}
-
-/* Velocities of the coordinates at rates of the screws, their places being known. */
-static void move_at_rates(ncgen_tree_work *w)
-{
-    const ncgen_tree *tree = w->tree;
-    ncgen_tree_place at = ncgen_tree_begin(w);
-    for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own) {
-        begin_twist(w, own);
-        add_screws(own, at.screw);
-        spread_twist(at.element, own->n_elements, own->twist, w->moved);
-        ncgen_tree_go_on(own, &at);
-    }
-    write_rates(w);
+        ncgen_add_times(screws[k].rate, screws[k].axis, twist + (screws[k].turns ? 0 : 3));
+    ncgen_put6(twist, own->lane, TWIST);
 }
 
 int ncgen_tree_joints(const ncgen_tree *tree)
@@ -274,9 +220,10 @@ void ncgen_tree_measure(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real
         is_measured &= w->screw[k].coordinate >= 0 || w->screw[k].leader >= 0;
     ncgen_tree_place at = ncgen_tree_begin(w);
     for (ncgen_tree_link *own = w->link, *end = own + (is_measured ? 0 : w->tree->n_links); own < end; ++own) {
-        begin_twist(w, own);
-        ncgen_tree_find_rates(r, w, own, &at, velocities, own->twist);
-        add_screws(own, at.screw);
+        ncgen_real twist[6];
+        begin_twist(w, own, twist);
+        ncgen_tree_find_rates(r, w, own, &at, velocities, twist);
+        add_screws(own, at.screw, twist);
         ncgen_tree_go_on(own, &at);
     }
     for (const ncgen_tree_screw *screw = w->screw, *end = screw + w->tree->n_screws; screw < end; ++screw)
@@ -284,10 +231,19 @@ void ncgen_tree_measure(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real
             *chosen++ = screw->coordinate >= 0 ? velocities[screw->coordinate] : screw->rate;
 }
 
-const ncgen_real *ncgen_tree_along(ncgen_tree_work *w, const ncgen_real *chosen)
+const ncgen_real *ncgen_tree_along(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *chosen)
 {
+    ncgen_tree_place at = ncgen_tree_begin(w);
     for (ncgen_tree_screw *screw = w->screw, *end = screw + w->tree->n_screws; screw < end; ++screw)
         screw->rate = screw->leader >= 0 ? screw->ratio * w->screw[screw->leader].rate : screw->slowness * *chosen++;
-    move_at_rates(w);
+    for (ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; ++own) {
+        ncgen_real twist[6];
+        begin_twist(w, own, twist);
+        add_screws(own, at.screw, twist);
+        ncgen_tree_go_on(own, &at);
+    }
+    ncgen_tree_spread_twists(w);
+    ncgen_tree_measure_rates(w);
+    ncgen_tree_take(r, w, w->moved);
     return w->moved;
 }

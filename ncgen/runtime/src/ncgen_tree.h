@@ -17,6 +17,6 @@ int ncgen_tree_joints(const ncgen_tree *tree);
 void ncgen_tree_measure(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *velocities, ncgen_real *chosen);
 
 /* ... and the velocities of all coordinates at those of these joints. */
-const ncgen_real *ncgen_tree_along(ncgen_tree_work *w, const ncgen_real *chosen);
+const ncgen_real *ncgen_tree_along(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *chosen);
 
 #endif

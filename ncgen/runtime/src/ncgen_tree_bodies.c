@@ -1,96 +1,308 @@
-/* ncgen_tree_bodies.c: bodies of an open tree that are not like most: of many members, or with mass that is not the same along all axes. */
+/* ncgen_tree_bodies.c: see ncgen_tree_bodies.h. A number here is one of every link of a block. */
 #include "ncgen_tree_bodies.h"
 
-NCGEN_SHORT_LOOPS void ncgen_tree_add_many(const ncgen_tree_work *w, const ncgen_tree_link *own, const ncgen_tree_place *at,
-                                           ncgen_real *second)
+typedef ncgen_link_lanes lanes;
+
+/* Between the order of the coordinates and that of the slots ------------------------------------------------------------ */
+
+/* Moves are no arithmetic, and instructions that gather numbers take longer than one after the other. */
+NCGEN_SHORT_LOOPS void ncgen_tree_put(const ncgen_run *r, const ncgen_tree_work *w, int place, const ncgen_real *x)
 {
-    const int count = own->n_members;
-    const ncgen_real *shares = at->masses + 1, *square = shares + count;
-    for (int a = 0; a < count; ++a)
-        ncgen_find_lever(at->member + a, w->values, own->origin, w->levers + 3 * a);
+    ncgen_real *to = (ncgen_real *)w->slot + place * NCGEN_LINK_LANES;
+    const int n = r->n, *where = w->where;
+    int i = 0;
+    for (; i + 4 <= n; i += 4) {
+        const ncgen_real a = x[i], b = x[i + 1], c = x[i + 2], d = x[i + 3];
+        to[where[i]] = a;
+        to[where[i + 1]] = b;
+        to[where[i + 2]] = c;
+        to[where[i + 3]] = d;
+    }
+    for (; i < n; ++i)
+        to[where[i]] = x[i];
+}
+
+NCGEN_SHORT_LOOPS void ncgen_tree_take(const ncgen_run *r, const ncgen_tree_work *w, ncgen_real *x)
+{
+    const ncgen_real *from = (const ncgen_real *)w->slot + MOVED * NCGEN_LINK_LANES;
+    const int n = r->n, *where = w->where;
+    int i = 0;
+    for (; i + 4 <= n; i += 4) {
+        const ncgen_real a = from[where[i]], b = from[where[i + 1]], c = from[where[i + 2]], d = from[where[i + 3]];
+        x[i] = a;
+        x[i + 1] = b;
+        x[i + 2] = c;
+        x[i + 3] = d;
+    }
+    for (; i < n; ++i)
+        x[i] = from[where[i]];
+}
+
+void ncgen_tree_measure_rates(ncgen_tree_work *w)
+{
+    const ncgen_tree *tree = w->tree;
+    ncgen_real *slots = (ncgen_real *)w->slot + MOVED * NCGEN_LINK_LANES;
+    for (int i = 0; i < tree->n_measured; ++i)
+        slots[w->where[tree->measured[2 * i]]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].rate;
+}
+
+void ncgen_tree_measure_pushes(ncgen_tree_work *w)
+{
+    const ncgen_tree *tree = w->tree;
+    ncgen_real *slots = (ncgen_real *)w->slot + MOVED * NCGEN_LINK_LANES;
+    for (int i = 0; i < tree->n_measured; ++i)
+        slots[w->where[tree->measured[2 * i]]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
+}
+
+/* Vectors of all lanes -------------------------------------------------------------------------------------------------- */
+
+static inline void cross(const lanes *a, const lanes *b, lanes *out)
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static inline void add_cross(const lanes *a, const lanes *b, lanes *out)
+{
+    out[0] += a[1] * b[2] - a[2] * b[1];
+    out[1] += a[2] * b[0] - a[0] * b[2];
+    out[2] += a[0] * b[1] - a[1] * b[0];
+}
+
+static inline void set(int count, const lanes *from, lanes *to)
+{
+    for (int i = 0; i < count; ++i)
+        to[i] = from[i];
+}
+
+/* A symmetric matrix times a vector. */
+static inline void turned(const lanes *s, const lanes *a, lanes *out)
+{
+    out[0] = s[0] * a[0] + s[3] * a[1] + s[4] * a[2];
+    out[1] = s[3] * a[0] + s[1] * a[1] + s[5] * a[2];
+    out[2] = s[4] * a[0] + s[5] * a[1] + s[2] * a[2];
+}
+
+/* Bodies ---------------------------------------------------------------------------------------------------------------- */
+
+static inline void find_levers(const ncgen_tree_block *b)
+{
+    lanes origin[3];
+    set(3, b->numbers + ORIGIN, origin);
+    for (ncgen_tree_slot *s = b->slot, *end = s + b->n_slots; s < end; ++s) {
+        const lanes is_point = s->numbers[IS_POINT];
+        const lanes x = s->numbers[VALUE], y = s->numbers[VALUE + 1], z = s->numbers[VALUE + 2];
+        s->numbers[LEVER] = x - is_point * origin[0];
+        s->numbers[LEVER + 1] = y - is_point * origin[1];
+        s->numbers[LEVER + 2] = z - is_point * origin[2];
+    }
+}
+
+/* A member whose masses with all members move as u, in P as xx, yy, zz, xy, xz, yz and in h behind it. */
+static inline void add_member(const lanes *x, const lanes *u, lanes share, lanes *second)
+{
+    second[0] += x[0] * u[0];
+    second[1] += x[1] * u[1];
+    second[2] += x[2] * u[2];
+    second[3] += x[0] * u[1];
+    second[4] += x[0] * u[2];
+    second[5] += x[1] * u[2];
+    for (int i = 0; i < 3; ++i)
+        second[6 + i] += share * x[i];
+}
+
+/* What the masses of a slot with three, or four, slots move as. */
+static inline void add_of_three(const lanes *masses, const lanes *a, const lanes *b, const lanes *c, lanes *u)
+{
+    for (int i = 0; i < 3; ++i)
+        u[i] = masses[0] * a[i] + masses[1] * b[i] + masses[2] * c[i];
+}
+
+static inline void add_of_four(const lanes *masses, const lanes *a, const lanes *b, const lanes *c, const lanes *d, lanes *u)
+{
+    for (int i = 0; i < 3; ++i)
+        u[i] = masses[0] * a[i] + masses[1] * b[i] + masses[2] * c[i] + masses[3] * d[i];
+}
+
+/* P and h of bodies of three members, as most are, ... */
+static inline void find_moments_of_three(const ncgen_tree_block *block, lanes *second)
+{
+    const lanes *masses = block->masses;
+    lanes a[3], b[3], c[3], u[3];
+    set(3, block->slot[0].numbers + LEVER, a);
+    set(3, block->slot[1].numbers + LEVER, b);
+    set(3, block->slot[2].numbers + LEVER, c);
+    add_of_three(masses + 3, a, b, c, u);
+    add_member(a, u, masses[0], second);
+    add_of_three(masses + 6, a, b, c, u);
+    add_member(b, u, masses[1], second);
+    add_of_three(masses + 9, a, b, c, u);
+    add_member(c, u, masses[2], second);
+}
+
+/* ... of four, ... */
+static inline void find_moments_of_four(const ncgen_tree_block *block, lanes *second)
+{
+    const lanes *masses = block->masses;
+    lanes a[3], b[3], c[3], d[3], u[3];
+    set(3, block->slot[0].numbers + LEVER, a);
+    set(3, block->slot[1].numbers + LEVER, b);
+    set(3, block->slot[2].numbers + LEVER, c);
+    set(3, block->slot[3].numbers + LEVER, d);
+    add_of_four(masses + 4, a, b, c, d, u);
+    add_member(a, u, masses[0], second);
+    add_of_four(masses + 8, a, b, c, d, u);
+    add_member(b, u, masses[1], second);
+    add_of_four(masses + 12, a, b, c, d, u);
+    add_member(c, u, masses[2], second);
+    add_of_four(masses + 16, a, b, c, d, u);
+    add_member(d, u, masses[3], second);
+}
+
+/* ... and of any number. */
+static inline void find_moments_of_many(const ncgen_tree_block *block, lanes *second)
+{
+    const int count = block->n_slots;
+    const lanes *masses = block->masses + count;
     for (int a = 0; a < count; ++a) {
-        ncgen_real u[3] = {0, 0, 0};
+        lanes u[3] = {block->masses[a] * 0, block->masses[a] * 0, block->masses[a] * 0};
         for (int b = 0; b < count; ++b)
-            ncgen_add_times(square[a * count + b], w->levers + 3 * b, u);
-        ncgen_add_member(w->levers + 3 * a, u, shares[a], second);
+            for (int i = 0; i < 3; ++i)
+                u[i] += masses[a * count + b] * block->slot[b].numbers[LEVER + i];
+        add_member(block->slot[a].numbers + LEVER, u, block->masses[a], second);
     }
 }
 
-/* The velocity of one coordinate of an element, which may stand with another link, over a link's twist: six numbers. */
-static void coordinate_row(const ncgen_tree_work *w, const ncgen_tree_link *own, int element, int axis, ncgen_real *row)
+void ncgen_tree_place_bodies(const ncgen_run *r, ncgen_tree_work *w)
 {
-    const ncgen_tree_element *e = w->element + element;
-    ncgen_real unit[3] = {0, 0, 0}, lever[3];
-    unit[axis] = 1;
-    for (int i = 0; i < 3; ++i)
-        lever[i] = w->values[e->c[i]] - e->is_point * own->origin[i];
-    ncgen_cross(lever, unit, row);
-    for (int i = 0; i < 3; ++i)
-        row[3 + i] = e->is_point * unit[i];
-}
-
-void ncgen_tree_add_singles(ncgen_tree_work *w)
-{
-    const ncgen_tree *tree = w->tree;
-    for (int link = 0; link < tree->n_links; ++link)
-        for (int s = tree->single_start[link]; s < tree->single_start[link + 1]; ++s) {
-            const int *entry = tree->singles + 5 * s;
-            const int is_diagonal = entry[0] == entry[2] && entry[1] == entry[3];
-            ncgen_real a[6], b[6];
-            coordinate_row(w, w->link + link, entry[0], entry[1], a);
-            coordinate_row(w, w->link + link, entry[2], entry[3], b);
-            ncgen_add_product(tree->single_shares[s] * w->mass[entry[4]] * (is_diagonal ? 1 : 2), a, b, w->link[link].inertia);
-        }
-}
-
-/* An element as a link carries it: where it is, how it is accelerated without the joints, and what this takes. */
-typedef struct carried {
-    int element; /* -1: none */
-    ncgen_real lever[3], acceleration[3], force[3];
-} carried;
-
-static void leave(const ncgen_tree_work *w, ncgen_tree_link *own, const carried *at)
-{
-    if (at->element < 0)
-        return;
-    ncgen_add_cross(at->force, at->lever, own->wrench);
-    ncgen_add_times(-w->element[at->element].is_point, at->force, own->wrench + 3);
-}
-
-static void come_to(const ncgen_tree_work *w, ncgen_tree_link *own, int element, carried *at)
-{
-    if (at->element == element)
-        return;
-    leave(w, own, at);
-    const ncgen_tree_element *e = w->element + element;
-    ncgen_real speed[3];
-    at->element = element;
-    for (int i = 0; i < 3; ++i) {
-        at->lever[i] = w->values[e->c[i]] - e->is_point * own->origin[i];
-        at->acceleration[i] = e->is_point * own->change[3 + i];
-        at->force[i] = 0;
+    static const lanes nothing;
+    ncgen_real *values = (ncgen_real *)w->slot + VALUE * NCGEN_LINK_LANES;
+    ncgen_tree_put(r, w, VALUE, w->values);
+    for (int i = 0; i < w->n_others; ++i)
+        values[w->other_at[i]] = w->values[w->other[i]];
+    for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
+        lanes second[9];
+        for (int i = 0; i < 9; ++i)
+            second[i] = nothing;
+        find_levers(b);
+        if (b->n_slots == 3)
+            find_moments_of_three(b, second);
+        else if (b->n_slots == 4)
+            find_moments_of_four(b, second);
+        else
+            find_moments_of_many(b, second);
+        set(9, second, b->numbers + MOMENTS);
     }
-    ncgen_add_cross(own->change, at->lever, at->acceleration);
-    ncgen_cross(own->twist, at->lever, speed);
-    ncgen_add_cross(own->twist, speed, at->acceleration);
 }
 
-void ncgen_tree_push_singles(ncgen_tree_work *w)
+/* What moves with links ------------------------------------------------------------------------------------------------- */
+
+/* Velocities of elements by six numbers of every link. */
+static inline void spread(const ncgen_tree_block *b, const lanes *twist)
 {
-    const ncgen_tree *tree = w->tree;
-    for (int link = 0; link < tree->n_links; ++link) {
-        ncgen_tree_link *own = w->link + link;
-        carried a = {.element = -1}, b = {.element = -1};
-        for (int s = tree->single_start[link]; s < tree->single_start[link + 1]; ++s) {
-            const int *entry = tree->singles + 5 * s;
-            const ncgen_real mass = tree->single_shares[s] * w->mass[entry[4]];
-            come_to(w, own, entry[0], &a);
-            come_to(w, own, entry[2], &b);
-            a.force[entry[1]] += mass * b.acceleration[entry[3]];
-            if (entry[0] != entry[2] || entry[1] != entry[3])
-                b.force[entry[3]] += mass * a.acceleration[entry[1]];
+    for (ncgen_tree_slot *s = b->slot, *end = s + b->n_own; s < end; ++s) {
+        lanes velocity[3];
+        cross(twist, s->numbers + LEVER, velocity);
+        for (int i = 0; i < 3; ++i)
+            s->numbers[MOVED + i] = velocity[i] + s->numbers[IS_POINT] * twist[3 + i];
+    }
+}
+
+void ncgen_tree_spread_twists(ncgen_tree_work *w)
+{
+    static const lanes nothing;
+    for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
+        lanes twist[6];
+        set(6, b->numbers + TWIST, twist);
+        spread(b, twist);
+        for (int i = 0; i < 6; ++i)
+            b->numbers[WRENCH + i] = nothing;
+    }
+}
+
+void ncgen_tree_spread_added(ncgen_tree_work *w)
+{
+    for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
+        lanes added[6];
+        set(6, b->numbers + WRENCH, added);
+        spread(b, added);
+    }
+}
+
+/* The negative of I a + h x v + (P w) x w, and of a x h + m v + w x (w x h). */
+static inline void set_wrench(const ncgen_tree_block *b, const lanes *turning)
+{
+    const lanes *second = b->numbers + MOMENTS, *first = second + 6, *change = b->numbers + CHANGE, *lift = change + 3;
+    const lanes trace = second[0] + second[1] + second[2], mass = b->numbers[MASS];
+    lanes wrench[6], spun[3], moved[3];
+    turned(second, change, wrench); /* I a = tr(P) a - P a */
+    for (int i = 0; i < 3; ++i)
+        wrench[i] -= trace * change[i];
+    add_cross(lift, first, wrench);
+    turned(second, turning, spun);
+    add_cross(turning, spun, wrench);
+    cross(first, change, wrench + 3);
+    for (int i = 0; i < 3; ++i)
+        wrench[3 + i] -= mass * lift[i];
+    cross(first, turning, moved);
+    add_cross(turning, moved, wrench + 3);
+    set(6, wrench, b->numbers + WRENCH);
+}
+
+void ncgen_tree_set_wrenches(ncgen_tree_work *w)
+{
+    for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
+        lanes twist[6];
+        set(6, b->numbers + TWIST, twist);
+        spread(b, twist);
+        set_wrench(b, twist);
+    }
+}
+
+static inline void add_forces(const ncgen_tree_block *b, lanes *wrench)
+{
+    for (const ncgen_tree_slot *s = b->slot, *last = s + b->n_own; s < last; ++s) {
+        add_cross(s->numbers + LEVER, s->numbers + FORCE, wrench);
+        for (int i = 0; i < 3; ++i)
+            wrench[3 + i] += s->numbers[IS_POINT] * s->numbers[FORCE + i];
+    }
+    set(6, wrench, b->numbers + WRENCH);
+}
+
+void ncgen_tree_add_forces(ncgen_tree_work *w)
+{
+    for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
+        lanes wrench[6];
+        set(6, b->numbers + WRENCH, wrench);
+        add_forces(b, wrench);
+    }
+}
+
+void ncgen_tree_set_forces(ncgen_tree_work *w)
+{
+    static const lanes nothing;
+    for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
+        lanes wrench[6] = {nothing, nothing, nothing, nothing, nothing, nothing};
+        add_forces(b, wrench);
+    }
+}
+
+void ncgen_tree_spread_changes(ncgen_tree_work *w)
+{
+    for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
+        lanes twist[3], change[6];
+        set(3, b->numbers + TWIST, twist);
+        for (int i = 0; i < 6; ++i)
+            change[i] = b->numbers[CHANGE + i] + b->numbers[WRENCH + i];
+        for (ncgen_tree_slot *s = b->slot, *last = s + b->n_own; s < last; ++s) {
+            lanes lever[3], speed[3], acceleration[3];
+            set(3, s->numbers + LEVER, lever);
+            cross(twist, lever, speed);
+            cross(change, lever, acceleration);
+            add_cross(twist, speed, acceleration);
+            for (int i = 0; i < 3; ++i)
+                s->numbers[MOVED + i] = acceleration[i] + s->numbers[IS_POINT] * change[3 + i];
         }
-        leave(w, own, &a);
-        leave(w, own, &b);
     }
 }

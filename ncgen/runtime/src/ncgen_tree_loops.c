@@ -5,6 +5,7 @@
  * multipliers together one pass over the tree. Rows that others imply are left out by pivoting.
  */
 #include "ncgen_tree_loops.h"
+#include "ncgen_tree_bodies.h"
 #include "ncgen_tree_rates.h"
 #include "ncgen_tree_solve.h"
 
@@ -46,23 +47,16 @@ static void clear_row(const ncgen_run *r, ncgen_tree_work *w, int row)
 
 void ncgen_tree_respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
 {
-    const ncgen_tree *tree = w->tree;
     ncgen_tree_begin_pushes(w);
-    for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own)
-        ncgen_set6(ncgen_nothing, own->wrench);
+    ncgen_tree_put(r, w, FORCE, w->force);
+    ncgen_tree_set_forces(w);
     ncgen_tree_push(w);
     ncgen_tree_release(w);
-    const ncgen_tree_element *e = w->element;
-    for (const ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own)
-        for (const ncgen_tree_element *last = e + own->n_elements; e < last; ++e) {
-            ncgen_real moved[3];
-            ncgen_carried(e, own->wrench, moved);
-            for (int i = 0; i < 3; ++i)
-                if (e->c[i] < r->n)
-                    x[e->c[i]] += moved[i];
-        }
-    for (int i = 0; i < tree->n_measured; ++i)
-        x[tree->measured[2 * i]] += tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
+    ncgen_tree_spread_added(w);
+    ncgen_tree_measure_pushes(w);
+    ncgen_tree_take(r, w, w->moved);
+    for (int i = 0; i < r->n; ++i)
+        x[i] += w->moved[i];
 }
 
 /* A row of the matrix with its column, and what belongs to it, changes places with another one. */
@@ -146,13 +140,9 @@ static void go_inward(ncgen_tree_work *w, int closing, ncgen_real *left)
     for (int i = 0; i < tree->n_measured; ++i)
         left[tree->measured[2 * i + 1]] += tree->ratios[i] * w->force[tree->measured[2 * i]];
     for (int i = begin; i < end; ++i)
-        ncgen_set6(ncgen_nothing, w->link[tree->way[i]].wrench);
-    for (int i = begin; i < end; ++i) {
-        ncgen_tree_link *own = w->link + tree->way[i];
+        ncgen_put6(ncgen_nothing, w->link[tree->way[i]].lane, WRENCH);
+    for (int i = begin; i < end; ++i)
         ncgen_tree_push_link(w, tree->way[i], left, left + tree->n_screws);
-        if (own->parent >= 0)
-            ncgen_add_wrench(own->wrench, own->offset, w->link[own->parent].wrench);
-    }
 }
 
 /* The matrix of the closing rows, factored. With L D L' = T'M T as the recursion has it, G = Y' D^-1 Y, where L Y = T' Phi_q'. */

@@ -7,7 +7,9 @@
 /* The velocity of an element that moves with a link. */
 static inline void ncgen_carried(const ncgen_tree_element *e, const ncgen_real *twist, ncgen_real *velocity)
 {
-    ncgen_cross(twist, e->lever, velocity);
+    ncgen_real lever[3];
+    ncgen_get3(e->lane, LEVER, lever);
+    ncgen_cross(twist, lever, velocity);
     ncgen_add_times(e->is_point, twist + 3, velocity);
 }
 

@@ -6,6 +6,7 @@
  * A is the inertia that a link carries without its group.
  */
 #include "ncgen_tree_solve.h"
+#include "ncgen_tree_singles.h"
 
 static inline ncgen_real dot6(const ncgen_real *a, const ncgen_real *b)
 {
@@ -19,29 +20,30 @@ static inline void take_share(ncgen_real share, const ncgen_real *momentum, ncge
     ncgen_add_times(-share, momentum + 3, wrench + 3);
 }
 
-/* Forces along the coordinates of a link's elements. */
-static inline void add_forces(const ncgen_real *forces, const ncgen_tree_element *e, const ncgen_tree_element *end, ncgen_real *wrench)
+/* What moves with a link: the inertia and the wrench that its parent gets. */
+typedef struct carried {
+    ncgen_real inertia[INERTIA], wrench[6];
+} carried;
+
+/* A wrench about a point that is d away from the one it is about now. */
+static inline void shift_wrench(const ncgen_real *d, ncgen_real *wrench)
 {
-    for (; e < end; ++e) {
-        const ncgen_real force[3] = {forces[e->c[0]], forces[e->c[1]], forces[e->c[2]]};
-        ncgen_add_cross(e->lever, force, wrench);
-        ncgen_add_times(e->is_point, force, wrench + 3);
-    }
+    ncgen_add_cross(d, wrench + 3, wrench);
 }
 
 /* The inertia and the wrench beyond a screw without what it does not pass on; 0 where it moves nothing. */
-static inline int eliminate(ncgen_tree_screw *screw, int turns, ncgen_real *inertia, ncgen_real *wrench)
+static inline int eliminate(ncgen_tree_screw *screw, int turns, carried *own)
 {
     const int along = turns ? 0 : 3;
     ncgen_real momentum[6];
-    ncgen_find_momentum(inertia, turns, screw->axis, momentum);
+    ncgen_find_momentum(own->inertia, turns, screw->axis, momentum);
     const ncgen_real pivot = screw->rotor + ncgen_dot3(screw->axis, momentum + along), inverse = 1 / pivot;
-    const ncgen_real push = screw->push + ncgen_dot3(screw->axis, wrench + along);
+    const ncgen_real push = screw->push + ncgen_dot3(screw->axis, own->wrench + along);
     screw->pivot = inverse;
     screw->push = push;
     ncgen_set6(momentum, screw->momentum);
-    ncgen_add_own_product(-inverse, momentum, inertia);
-    take_share(inverse * push, momentum, wrench);
+    ncgen_add_own_product(-inverse, momentum, own->inertia);
+    take_share(inverse * push, momentum, own->wrench);
     return pivot > 0;
 }
 
@@ -56,15 +58,15 @@ static ncgen_real *joined_before(const ncgen_tree_work *w, const ncgen_tree_link
 
 /* A link of a group takes nothing from what is beyond it: its screw adds to the group's momentum, pivot and push, and the carrier
  * takes all. */
-static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw)
+static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw, const carried *carries)
 {
     const ncgen_tree_link *own = w->link + link;
     const int along = screw->turns ? 0 : 3;
     ncgen_real *sums = w->group + 2 * own->group, *joined = w->joined + 6 * link;
-    ncgen_find_momentum(own->inertia, screw->turns, screw->axis, screw->momentum);
+    ncgen_find_momentum(carries->inertia, screw->turns, screw->axis, screw->momentum);
     sums[0] += screw->ratio * (2 * ncgen_dot3(screw->axis, joined + along) +
                                screw->ratio * (screw->rotor + ncgen_dot3(screw->axis, screw->momentum + along)));
-    screw->push += ncgen_dot3(screw->axis, own->wrench + along);
+    screw->push += ncgen_dot3(screw->axis, carries->wrench + along);
     sums[1] += screw->ratio * screw->push;
     ncgen_add_times(screw->ratio, screw->momentum, joined);
     ncgen_add_times(screw->ratio, screw->momentum + 3, joined + 3);
@@ -73,7 +75,7 @@ static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw)
 }
 
 /* The pivots of groups that hang on a link, whose inertia and wrench lose what they do not pass on; 0 where one of them moves nothing. */
-static int close_groups(ncgen_tree_work *w, int link)
+static int close_groups(ncgen_tree_work *w, int link, carried *carries)
 {
     int is_regular = 1;
     for (int group = 0; group < w->tree->n_groups; ++group) {
@@ -82,20 +84,18 @@ static int close_groups(ncgen_tree_work *w, int link)
         ncgen_real *own = w->group + 2 * group, *momentum = w->joined + 6 * (w->tree->n_links + group);
         is_regular &= own[0] > 0;
         own[0] = 1 / own[0];
-        if (link >= 0) {
-            ncgen_add_own_product(-own[0], momentum, w->link[link].inertia);
-            take_share(own[0] * own[1], momentum, w->link[link].wrench);
-        }
+        ncgen_add_own_product(-own[0], momentum, carries->inertia);
+        take_share(own[0] * own[1], momentum, carries->wrench);
     }
     return is_regular;
 }
 
 /* What groups that hang on a link take of its wrench. */
-static void take_shares_of_groups(ncgen_tree_work *w, int link)
+static void take_shares_of_groups(const ncgen_tree_work *w, int link, ncgen_real *wrench)
 {
     for (int group = 0; group < w->tree->n_groups; ++group)
         if (w->tree->carrier[group] == link)
-            take_share(w->group[2 * group] * w->group[2 * group + 1], w->joined + 6 * (w->tree->n_links + group), w->link[link].wrench);
+            take_share(w->group[2 * group] * w->group[2 * group + 1], w->joined + 6 * (w->tree->n_links + group), wrench);
 }
 
 static void clear_groups(ncgen_tree_work *w)
@@ -134,57 +134,171 @@ static ncgen_real trace_of(const ncgen_real *symmetric)
 
 /* The tree --------------------------------------------------------------------------------------------------------- */
 
+/* What is carried to a link, and its own body's. */
+static inline void add_body(const ncgen_tree_link *own, const carried *from, carried *to)
+{
+    const ncgen_real *lane = own->lane, *inertia = from->inertia, *before = from->wrench, mass = lane[MASS * NCGEN_LINK_LANES];
+    ncgen_real second[6], first[3], wrench[6];
+    ncgen_get6(lane, MOMENTS, second);
+    ncgen_get3(lane, MOMENTS + 6, first);
+    ncgen_get6(lane, WRENCH, wrench);
+    const ncgen_real a[6] = {inertia[0] + (second[1] + second[2]), inertia[1] + (second[0] + second[2]), inertia[2] + (second[0] + second[1]),
+                             inertia[3] - second[3], inertia[4] - second[4], inertia[5] - second[5]};
+    const ncgen_real *B = inertia + MIXED, *M = inertia + ALONG;
+    const ncgen_real b[9] = {B[0], B[1] - first[2], B[2] + first[1], B[3] + first[2], B[4], B[5] - first[0], B[6] - first[1],
+                             B[7] + first[0], B[8]};
+    const ncgen_real c[6] = {M[0] + mass, M[1] + mass, M[2] + mass, M[3], M[4], M[5]};
+    for (int i = 0; i < 6; ++i)
+        to->inertia[TURNING + i] = a[i];
+    for (int i = 0; i < 9; ++i)
+        to->inertia[MIXED + i] = b[i];
+    for (int i = 0; i < 6; ++i)
+        to->inertia[ALONG + i] = c[i];
+    for (int i = 0; i < 6; ++i)
+        to->wrench[i] = before[i] + wrench[i];
+}
+
+/* The inertia that a link has of others that hang on it without standing next to it. */
+static void add_sum(const ncgen_tree_link *own, carried *to)
+{
+    for (int i = 0; i < INERTIA; ++i)
+        to->inertia[i] += own->inertia[i];
+}
+
+/* The same of a hinge alone: what its parent gets in place of what was carried to its link. What it does not pass on moves to the parent's
+ * point by itself, so that nothing else waits for the division. */
+static inline int pass_hinge(const ncgen_tree_link *own, ncgen_tree_screw *screw, carried *passed)
+{
+    const ncgen_real d[3] = {own->offset[0], own->offset[1], own->offset[2]};
+    ncgen_real axis[3], momentum[6];
+    carried carries;
+    add_body(own, passed, &carries);
+    ncgen_set3(screw->axis, axis);
+    ncgen_find_momentum(carries.inertia, 1, axis, momentum);
+    const ncgen_real pivot = screw->rotor + ncgen_dot3(axis, momentum), inverse = 1 / pivot;
+    const ncgen_real push = screw->push + ncgen_dot3(axis, carries.wrench);
+    screw->pivot = inverse;
+    screw->push = push;
+    ncgen_set6(momentum, screw->momentum);
+    shift_wrench(d, carries.wrench);
+    shift_wrench(d, momentum);
+    take_share(inverse * push, momentum, carries.wrench);
+    ncgen_set6(carries.wrench, passed->wrench);
+    ncgen_set_shifted(carries.inertia, d, passed->inertia);
+    ncgen_add_own_product(-inverse, momentum, passed->inertia);
+    return pivot > 0;
+}
+
+/* What a link passes on joins what its parent carries already. */
+static void add_carried(const carried *passed, ncgen_tree_link *parent)
+{
+    for (int i = 0; i < INERTIA; ++i)
+        parent->inertia[i] += passed->inertia[i];
+    for (int i = 0; i < 6; ++i)
+        parent->lane[(WRENCH + i) * NCGEN_LINK_LANES] += passed->wrench[i];
+}
+
+/* Inertias of what hangs on links without standing next to them, and of mass that is not the same along all axes. */
+static void begin_sums(ncgen_tree_work *w)
+{
+    for (ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; ++own)
+        for (int i = 0; i < (own->has_sum ? INERTIA : 0); ++i)
+            own->inertia[i] = 0;
+    if (!ncgen_has_pairs_alone(w))
+        ncgen_tree_add_singles(w);
+}
+
+/* A link that is not a hinge alone: what its parent gets of what it carries; 0 where a joint moves nothing. */
+static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, carried *passed)
+{
+    const ncgen_tree_link *own = w->link + link;
+    carried carries;
+    add_body(own, passed, &carries);
+    int is_regular = w->tree->n_groups ? close_groups(w, link, &carries) : 1;
+    const ncgen_real turning = trace_of(carries.inertia + TURNING), along = trace_of(carries.inertia + ALONG);
+    if (own->group >= 0)
+        join(w, link, screws, &carries);
+    for (int k = own->group >= 0 ? -1 : own->n_screws - 1; k >= 0; --k)
+        is_regular &= eliminate(screws + k, screws[k].turns, &carries);
+    if (w->tree->n_closing && own->group < 0)
+        is_regular &= has_inertia(screws, own->n_screws, turning, along);
+    ncgen_set_shifted(carries.inertia, own->offset, passed->inertia);
+    ncgen_set6(carries.wrench, passed->wrench);
+    shift_wrench(own->offset, passed->wrench);
+    return is_regular;
+}
+
 int ncgen_tree_reduce(ncgen_tree_work *w)
 {
-    const int n_groups = w->tree->n_groups;
-    const ncgen_tree_element *element = w->element + w->tree->n_elements;
+    static const carried nothing;
+    const int n_groups = w->tree->n_groups, has_hinges_alone = !n_groups && !w->tree->n_closing;
     ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
+    carried passed = nothing;
     int is_regular = 1;
     if (n_groups)
         clear_groups(w);
+    begin_sums(w);
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
-        ncgen_tree_link *own = w->link + link, *parent = w->link + own->parent;
-        element -= own->n_elements;
-        add_forces(w->force, element, element + own->n_elements, own->wrench);
-        if (n_groups)
-            is_regular &= close_groups(w, link);
-        const ncgen_real turning = trace_of(own->inertia + TURNING), along = trace_of(own->inertia + ALONG);
-        if (own->is_hinge)
-            is_regular &= eliminate(--screw, 1, own->inertia, own->wrench);
-        else if (own->group >= 0)
-            join(w, link, --screw);
+        const ncgen_tree_link *own = w->link + link;
+        screw -= own->n_screws;
+        if (own->has_sum)
+            add_sum(own, &passed);
+        if (own->is_hinge && has_hinges_alone)
+            is_regular &= pass_hinge(own, screw, &passed);
         else
-            for (int k = 0; k < own->n_screws; ++k) {
-                --screw;
-                is_regular &= eliminate(screw, screw->turns, own->inertia, own->wrench);
-            }
-        if (w->tree->n_closing && own->group < 0)
-            is_regular &= has_inertia(screw, own->n_screws, turning, along);
-        if (own->parent >= 0) {
-            ncgen_add_shifted(own->inertia, own->offset, parent->inertia);
-            ncgen_add_wrench(own->wrench, own->offset, parent->wrench);
-        }
+            is_regular &= pass_any(w, link, screw, &passed);
+        if (own->parent == link - 1)
+            continue;
+        if (own->parent >= 0)
+            add_carried(&passed, w->link + own->parent);
+        passed = nothing;
     }
-    return n_groups ? is_regular & close_groups(w, -1) : is_regular;
+    return n_groups ? is_regular & close_groups(w, -1, &passed) : is_regular;
+}
+
+/* Forces along the coordinates of a link's elements. */
+static inline void add_forces(const ncgen_real *forces, const ncgen_tree_element *e, const ncgen_tree_element *end, ncgen_real *wrench)
+{
+    for (; e < end; ++e) {
+        const ncgen_real force[3] = {forces[e->c[0]], forces[e->c[1]], forces[e->c[2]]};
+        ncgen_real lever[3];
+        ncgen_get3(e->lane, LEVER, lever);
+        ncgen_add_cross(lever, force, wrench);
+        ncgen_add_times(e->is_point, force, wrench + 3);
+    }
+}
+
+/* A link's wrench on to its parent's. */
+static inline void pass_wrench(const ncgen_tree_work *w, const ncgen_tree_link *own, ncgen_real *wrench)
+{
+    if (own->parent < 0)
+        return;
+    ncgen_real *to = w->link[own->parent].lane, sum[6];
+    ncgen_get6(to, WRENCH, sum);
+    ncgen_add_wrench(wrench, own->offset, sum);
+    ncgen_put6(sum, to, WRENCH);
 }
 
 void ncgen_tree_push_link(ncgen_tree_work *w, int link, ncgen_real *pushes, ncgen_real *group_pushes)
 {
     const ncgen_tree *tree = w->tree;
-    ncgen_tree_link *own = w->link + link;
+    const ncgen_tree_link *own = w->link + link;
     const ncgen_tree_element *element = w->element + tree->element_start[link];
-    add_forces(w->force, element, element + own->n_elements, own->wrench);
+    ncgen_real wrench[6];
+    ncgen_get6(own->lane, WRENCH, wrench);
+    add_forces(w->force, element, element + own->n_elements, wrench);
     for (int group = 0; group < tree->n_groups; ++group)
         if (tree->carrier[group] == link)
-            take_share(w->group[2 * group] * group_pushes[group], w->joined + 6 * (tree->n_links + group), own->wrench);
+            take_share(w->group[2 * group] * group_pushes[group], w->joined + 6 * (tree->n_links + group), wrench);
     for (int k = tree->screw_start[link + 1] - 1; k >= tree->screw_start[link]; --k) {
         const ncgen_tree_screw *screw = w->screw + k;
-        pushes[k] += ncgen_dot3(screw->axis, own->wrench + (screw->turns ? 0 : 3));
+        pushes[k] += ncgen_dot3(screw->axis, wrench + (screw->turns ? 0 : 3));
         if (own->group >= 0)
             group_pushes[own->group] += screw->ratio * pushes[k];
         else
-            take_share(screw->pivot * pushes[k], screw->momentum, own->wrench);
+            take_share(screw->pivot * pushes[k], screw->momentum, wrench);
     }
+    pass_wrench(w, own, wrench);
 }
 
 void ncgen_tree_begin_pushes(ncgen_tree_work *w)
@@ -199,26 +313,41 @@ void ncgen_tree_begin_pushes(ncgen_tree_work *w)
 void ncgen_tree_push(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
-    const ncgen_tree_element *element = w->element + w->tree->n_elements;
     ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
     for (int group = 0; group < n_groups; ++group)
         w->group[2 * group + 1] = 0;
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
-        ncgen_tree_link *own = w->link + link;
-        element -= own->n_elements;
-        add_forces(w->force, element, element + own->n_elements, own->wrench);
+        const ncgen_tree_link *own = w->link + link;
+        ncgen_real wrench[6];
+        ncgen_get6(own->lane, WRENCH, wrench);
         if (n_groups)
-            take_shares_of_groups(w, link);
+            take_shares_of_groups(w, link, wrench);
         for (int k = 0; k < own->n_screws; ++k) {
             --screw;
-            screw->push += ncgen_dot3(screw->axis, own->wrench + (screw->turns ? 0 : 3));
+            screw->push += ncgen_dot3(screw->axis, wrench + (screw->turns ? 0 : 3));
             if (own->group >= 0)
                 w->group[2 * own->group + 1] += screw->ratio * screw->push;
             else
-                take_share(screw->pivot * screw->push, screw->momentum, own->wrench);
+                take_share(screw->pivot * screw->push, screw->momentum, wrench);
         }
-        if (own->parent >= 0)
-            ncgen_add_wrench(own->wrench, own->offset, w->link[own->parent].wrench);
+        pass_wrench(w, own, wrench);
+    }
+}
+
+/* How a hinge alone is accelerated by what is left for it, which moves its link besides what moves its parent. */
+static inline void release_hinge(ncgen_tree_screw *screw, ncgen_real *added)
+{
+    const ncgen_real push = screw->pivot * (screw->push - dot6(screw->momentum, added));
+    screw->push = push;
+    ncgen_add_times(push, screw->axis, added);
+}
+
+static void release_any(const ncgen_tree_work *w, const ncgen_tree_link *own, ncgen_tree_screw *screw, ncgen_real *added)
+{
+    for (const ncgen_tree_screw *end = screw + own->n_screws; screw < end; ++screw) {
+        screw->push = own->group < 0 ? screw->pivot * (screw->push - dot6(screw->momentum, added))
+                                     : screw->ratio * w->group[2 * own->group + 1];
+        ncgen_add_times(screw->push, screw->axis, added + (screw->turns ? 0 : 3));
     }
 }
 
@@ -228,18 +357,16 @@ void ncgen_tree_release(ncgen_tree_work *w)
     ncgen_tree_screw *screw = w->screw;
     if (n_groups)
         release_groups(w, -1, ncgen_nothing);
-    for (ncgen_tree_link *own = w->link; own < w->link + w->tree->n_links; ++own) {
-        const ncgen_real *before = w->link[own->parent].wrench;
+    for (const ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; screw += own->n_screws, ++own) {
         ncgen_real added[6];
-        ncgen_set6(before, added);
-        ncgen_add_cross(before, own->offset, added + 3);
-        for (const ncgen_tree_screw *end = screw + own->n_screws; screw < end; ++screw) {
-            screw->push = own->group < 0 ? screw->pivot * (screw->push - dot6(screw->momentum, added))
-                                         : screw->ratio * w->group[2 * own->group + 1];
-            ncgen_add_times(screw->push, screw->axis, added + (screw->turns ? 0 : 3));
-        }
+        ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
+        ncgen_add_cross(added, own->offset, added + 3);
+        if (own->is_hinge)
+            release_hinge(screw, added);
+        else
+            release_any(w, own, screw, added);
         if (n_groups)
             release_groups(w, (int)(own - w->link), added);
-        ncgen_set6(added, own->wrench);
+        ncgen_put6(added, own->lane, WRENCH);
     }
 }

@@ -5,8 +5,8 @@
 #ifndef NCGEN_TREE_WORK_H
 #define NCGEN_TREE_WORK_H
 
-#include "ncgen_inertia.h"
 #include "ncgen_state.h"
+#include "ncgen_tree_blocks.h"
 
 /* Of loops of few passes, most of them of two to six, vectors only lengthen the way there and back. */
 #if defined(__GNUC__) && !defined(__clang__)
@@ -21,25 +21,22 @@ typedef struct ncgen_tree_link {
     int n_elements, n_screws, n_members;
     int group;    /* of joints that move as one, to which its only screw belongs; -1: none */
     int is_hinge; /* its joint is one screw that turns, has a measured coordinate and belongs to no group */
-    ncgen_real origin[3];        /* its reference point */
-    ncgen_real offset[3];        /* ... from that of its parent */
-    ncgen_real twist[6];         /* angular velocity, velocity of its reference point */
-    ncgen_real change[6];        /* the same of accelerations, first without those of the joints */
-    ncgen_real wrench[6];        /* moment about its reference point, force; then what the joints' accelerations add to the link's */
-    ncgen_real moments[9];       /* of its own body: P and h, see ncgen_tree_bodies.h */
-    ncgen_real inertia[INERTIA]; /* of its own body, then of what it carries, less what its joint takes */
+    int has_sum;  /* `inertia` is not zero: of singles, and of links that hang on it but do not stand next to it */
+    ncgen_real *lane;      /* its numbers in its block */
+    ncgen_real offset[3];  /* its reference point from that of its parent */
+    ncgen_real inertia[INERTIA];
 } ncgen_tree_link;
 
 /* A point or a vector that moves with a link. */
 typedef struct ncgen_tree_element {
     int c[3]; /* its components */
     ncgen_scalar is_point, heaviness;
-    ncgen_real lever[3]; /* from its link's reference point, of a vector itself */
+    const ncgen_real *lane; /* its numbers in its slot */
 } ncgen_tree_element;
 
 /* What has mass that is the same along all axes. */
 typedef struct ncgen_tree_member {
-    int c[3];
+    int slot; /* of its link's block */
     ncgen_scalar is_point;
 } ncgen_tree_member;
 
@@ -63,15 +60,19 @@ typedef struct ncgen_tree_screw {
 /* Where a loop over the links has come to in the other records, which are in their order. */
 typedef struct ncgen_tree_place {
     ncgen_tree_element *element;
-    ncgen_tree_member *member;
     ncgen_tree_screw *screw;
-    const ncgen_real *masses;
 } ncgen_tree_place;
 
 typedef struct ncgen_tree_work {
     const ncgen_tree *tree;
     int mass_is_there;
     int is_factored, is_regular; /* momenta and pivots are those of the position in `values`; every joint moves something */
+    int n_blocks, n_others; /* elements of other links between which bodies have mass, three components of each */
+    ncgen_tree_block *block;
+    ncgen_link_lanes *numbers, *masses; /* of all blocks */
+    ncgen_tree_slot *slot;              /* of all blocks; the last ones have what belongs to no element */
+    int *where;                         /* of a coordinate: its number among those of the slots */
+    int *other_at, *other;              /* the same of n_others components, and these */
     ncgen_tree_link *link;
     ncgen_tree_element *element;
     ncgen_tree_member *member;
@@ -80,8 +81,6 @@ typedef struct ncgen_tree_work {
     ncgen_real *moved;  /* n + n_fixed: velocities or accelerations */
     ncgen_real *force;  /* n + n_fixed: forces along the coordinates, then zeros */
     ncgen_real *mass;   /* values of M */
-    ncgen_real *masses; /* of every link: its mass, of every member the mass that it has with points, the masses between members by rows */
-    ncgen_real *levers; /* 3 a member of a link */
     ncgen_real *joined; /* 6 a link of a group, then 6 a group for its carrier: momentum at rate 1 of the group's first screw */
     ncgen_real *group;  /* 2 a group: 1 / its pivot, and its push, then what is left for it */
     ncgen_real *bias;            /* n */
@@ -112,16 +111,20 @@ static const ncgen_real ncgen_nothing[6] = {0, 0, 0, 0, 0, 0};
 
 static inline ncgen_tree_place ncgen_tree_begin(const ncgen_tree_work *w)
 {
-    const ncgen_tree_place place = {w->element, w->member, w->screw, w->masses};
+    const ncgen_tree_place place = {w->element, w->screw};
     return place;
 }
 
 static inline void ncgen_tree_go_on(const ncgen_tree_link *own, ncgen_tree_place *place)
 {
     place->element += own->n_elements;
-    place->member += own->n_members;
     place->screw += own->n_screws;
-    place->masses += 1 + own->n_members * (1 + own->n_members);
+}
+
+/* The lane of the link on which one hangs. */
+static inline const ncgen_real *ncgen_lane_before(const ncgen_tree_work *w, const ncgen_tree_link *own)
+{
+    return w->link[own->parent].lane;
 }
 
 /* Is all mass the same along all axes? */

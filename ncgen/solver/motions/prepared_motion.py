@@ -16,12 +16,14 @@ from ncgen.errors import counted
 from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.argument_checks import ArrayOrNamed
 from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import doubtful
 from ncgen.solver.positions.rank import REMEMBERED, rank_at
+from ncgen.solver.runs.alarms import Limits
 from ncgen.solver.runs.choice import Choice, choose, stiff_choice
 from ncgen.solver.runs.grid import MOST_CACHED_POINTS, RunTimes
 from ncgen.solver.runs.run import Initial, Run
@@ -77,6 +79,7 @@ class PreparedMotion:
         self._plans: dict[Choice, RunPlan] = {}
         self._kin: PreparedMotion | None = None
         self._explained: dict[tuple[Choice, str], str] = {}
+        self._limits: dict[str, Limits] = {}
 
     @classmethod
     def of_arguments(cls, kernels: Kernels, duration: float, points: int | ArrayLike = 101, **arguments: Any) -> PreparedMotion:
@@ -99,11 +102,11 @@ class PreparedMotion:
 
     @classmethod
     def _of_run(cls, kernels: Kernels, run: Run) -> PreparedMotion:
-        """Of a run as it was asked for; of equal settings, grids and starts the same object."""
-        if run.stop or run.signals or not run.grid.is_small:
+        """Of a run as it was asked for; of equal settings, grids, stops and starts the same object."""
+        if run.signals or not run.grid.is_small:
             return cls(kernels, run)
         start = start_of(kernels, run.initial, not choose(run.settings).method.is_constrained)
-        key = kernels, kernels.effort, run.settings, run.grid, start
+        key = kernels, kernels.effort, run.settings, run.grid, run.stop, start
         return kernels.remember("motions from starts", key, lambda: cls(kernels, run), REMEMBERED)
 
     def with_velocities(self, zd0: ArrayOrNamed | None, qd0: ArrayOrNamed | None) -> PreparedMotion:
@@ -174,7 +177,7 @@ class PreparedMotion:
             return plan
         run, start, kernels, is_constrained = self.run, self.start, self.kernels, choice.method.is_constrained
         is_new = kernels.backend != "c" or (start.partitions and run.settings.engine in EMITTED)  # which may be refused
-        if self._kin and not is_new:
+        if self._kin and is_constrained and not is_new:
             common = self._kin.plan(choice)
             plan = self._plans[choice] = common._replace(task=common.task.with_velocities(start.qd))
             return plan
@@ -183,7 +186,7 @@ class PreparedMotion:
         task = common.task.begun(
             grid=self.rows.times,
             q=start.q,
-            velocities=start.qd,
+            velocities=start.qd if is_constrained or choice is not self.choice else start.rates,
             p=start.p,
             stop=run.stop,
             signals=run.signals,
@@ -230,6 +233,13 @@ class PreparedMotion:
         settings, partitions = self.run.settings, self.start.partitions
         refused = capabilities.refusal(self.kernels, choice.method, settings.engine, settings.number)
         return refused or (capabilities.refusal_of_size(self.kernels, partitions, settings.engine) if partitions else None)
+
+    def limits(self, method: Method) -> Limits:
+        """Up to which what C sees of a motion by a method leaves no doubt."""
+        limits = self._limits.get(method.integrator.name)
+        if limits is None:
+            limits = self._limits[method.integrator.name] = Limits.of(self.tolerances, method, self.rows.duration)
+        return limits
 
     def explained(self, choice: Choice, engine: str) -> str:
         """The method and the engine, and why they were taken."""
