@@ -73,7 +73,7 @@ def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = Fals
     for program in programs.emitted if in_files else ():
         records = program_records((program,), prefix, program.name, numbers)
         others = {} if program.phases is None else _parts_files(program, records)
-        files |= others | {f"{prefix}_{program.name}.c": render("c/recursion_kernel.c.jinja", is_apart=bool(others), **records)}
+        files |= others | {f"{prefix}_{program.name}.c": render("c/recursion_kernel.c.jinja", are_declared=bool(others), **records)}
     records = {"model": equations.model, "prepared": programs.prepared, "in_files": in_files, "forced": forced}
     records |= program_records(programs.emitted, prefix, "recursion", numbers)
     return files | {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
@@ -85,11 +85,11 @@ def _parts_files(program: Program, records: Record) -> dict[str, str]:
         return {}
     (kernel,) = records["kernels"]
     count = -(-program.length // MAX_STATEMENTS_OF_PARTS)
-    begun = [sum(len(block.ops) for block in program.blocks[:k]) * count // program.length for k in range(len(program.blocks))]
+    file_of = [sum(len(block.ops) for block in program.blocks[:k]) * count // program.length for k in range(len(program.blocks))]
     files: dict[str, str] = {}
-    for part in range(count):
-        name = f"{kernel['function']}_parts{part + 1}"
-        blocks = [block for block, place in zip(kernel["blocks"], begun, strict=True) if place == part]
+    for number_of_file in range(count):
+        name = f"{kernel['function']}_parts{number_of_file + 1}"
+        blocks = [block for block, home in zip(kernel["blocks"], file_of, strict=True) if home == number_of_file]
         files[f"{name}.c"] = render("c/recursion_parts.c.jinja", name=name, prefix=records["prefix"], blocks=blocks)
     return files
 

@@ -165,17 +165,17 @@ class Program:
         first, second, _ = self.phases.ends
         return replace(self, blocks=self.blocks[:first] + self.blocks[second:], phases=None)
 
-    def reordered(self, places: Sequence[int]) -> Program:
-        """The same outputs in other places: what was in k is in places[k]. For programs without loops."""
+    def reordered(self, order: Sequence[int]) -> Program:
+        """The same outputs in other order: what was in k is in order[k]. For programs without loops."""
 
         def moved(op: Op) -> Op:
             is_own = op.code == "load" and op.input.array == self.output
-            return Op("load", (), ArrayElement(self.output, places[op.input.position])) if is_own else op
+            return Op("load", (), ArrayElement(self.output, order[op.input.position])) if is_own else op
 
         blocks: list[Block] = []
         for block in self.blocks:
             assert isinstance(block, Straight), "a straight line"
-            stores = [replace(s, index=places[s.index]) if s.array == self.output else s for s in block.stores]
+            stores = [replace(s, index=order[s.index]) if s.array == self.output else s for s in block.stores]
             blocks.append(replace(block, ops=tuple(map(moved, block.ops)), stores=tuple(stores)))
         return replace(self, blocks=tuple(blocks))
 
