@@ -155,16 +155,6 @@ static int moves(const ncgen_instant *i, int condition, int is_gap, int side)
     return velocity * side > 0 && !ncgen_is_still_along(i, condition, is_gap, now > before ? now : before);
 }
 
-/* Was a gap or a ratchet held before, and nothing has been hit? Then its velocity is rounding. */
-static int is_held(const ncgen_instant *i, int condition)
-{
-    const ncgen_events *e = i->events;
-    int held = ncgen_holds(e, i->passage, condition);
-    for (int h = 0; h < e->n_holds; ++h)
-        held |= e->holds[h].condition == condition && i->passage->flags[h];
-    return held && !ncgen_was_hit(i);
-}
-
 /* The gaps that take part: those that are closed, and those that are due; due: NULL, or which are. *wanted: are some due, or do some close? */
 static int take_gaps(ncgen_instant *i, ncgen_impact *impact, const int *due, int *wanted)
 {
@@ -178,7 +168,7 @@ static int take_gaps(ncgen_instant *i, ncgen_impact *impact, const int *due, int
             return status;
         if (!can)
             continue;
-        *wanted |= (due && due[k]) || (moves(i, k, 1, -1) && !is_held(i, k));
+        *wanted |= (due && due[k]) || (ncgen_was_hit(i) && moves(i, k, 1, -1)); /* others happen at their own time */
         if (!(impact->law == NCGEN_SIMULTANEOUS && moves(i, k, 1, 1))) /* it opens */
             take(i, impact, k, i->numbers[action->value]);
     }
@@ -209,7 +199,7 @@ static int find_backward(ncgen_instant *i, int *some)
     int status = NCGEN_OK;
     for (int h = 0; h < e->n_holds && status == NCGEN_OK && !*some; ++h) {
         const int k = e->holds[h].condition;
-        if (e->holds[h].kind != NCGEN_HOLDS_RATCHET || i->passage->due[k] || is_held(i, k) || !moves(i, k, 0, -1))
+        if (e->holds[h].kind != NCGEN_HOLDS_RATCHET || i->passage->due[k] || (i->passage->flags[h] && !ncgen_was_hit(i)) || !moves(i, k, 0, -1))
             continue;
         *some = 1;
         status = ncgen_can_move(i, k, some);

@@ -254,9 +254,11 @@ class Instant:
         return bool(u[0] * side > 0) and not is_still(u[0], np.abs(W[0]) @ sizes * speed)
 
     def _backward(self, numbers: Sequence[int]) -> bool:
-        """Whether one of some gaps and ratchets moves to the side that is forbidden; if nothing was hit what is held moves by rounding."""
-        held = self.held if np.array_equal(self.before.qd, self.at.qd) else ()
-        return any(self._moves(k, -1) for k in numbers if k not in held)
+        """Whether one of some gaps and ratchets moves to the side that is forbidden; unless velocities have changed here, gaps close at
+        their own time, and what is held moves by rounding."""
+        if np.array_equal(self.before.qd, self.at.qd):
+            numbers = [k for k in numbers if k in self.functions.ratchets and k not in self.held]
+        return any(self._moves(k, -1) for k in numbers)
 
     def _note_turns(self, hit: Hit, hitting: Sequence[int], start: State, restores: bool) -> None:
         """Note what hits did, of gaps with these numbers of conditions."""
