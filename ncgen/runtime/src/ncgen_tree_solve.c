@@ -6,6 +6,7 @@
  * A is the inertia that a link carries without its group.
  */
 #include "ncgen_tree_solve.h"
+#include "ncgen_tree_bodies.h"
 #include "ncgen_tree_singles.h"
 
 static inline ncgen_real dot6(const ncgen_real *a, const ncgen_real *b)
@@ -304,40 +305,73 @@ void ncgen_tree_push_link(ncgen_tree_work *w, int link, ncgen_real *pushes, ncge
 void ncgen_tree_begin_pushes(ncgen_tree_work *w)
 {
     const ncgen_tree *tree = w->tree;
+    ncgen_tree_screw *screw = w->screw;
+    for (int i = 0; i < (w->is_measured_in_order ? tree->n_measured : 0); ++i, ++screw)
+        screw->push = tree->ratios[i] * w->force[screw->coordinate];
+    if (w->is_measured_in_order)
+        return;
     for (int k = 0; k < tree->n_screws; ++k)
         w->screw[k].push = 0;
     for (int i = 0; i < tree->n_measured; ++i)
         w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
 }
 
+/* The push of a hinge alone, which takes its part of a wrench. */
+static inline void push_hinge(ncgen_tree_screw *screw, ncgen_real *wrench)
+{
+    const ncgen_real push = screw->push + ncgen_dot3(screw->axis, wrench);
+    screw->push = push;
+    take_share(screw->pivot * push, screw->momentum, wrench);
+}
+
+/* ... and of any joint, of which a group may take its part only where it is carried. */
+static void push_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncgen_real *wrench)
+{
+    const ncgen_tree_link *own = w->link + link;
+    if (w->tree->n_groups)
+        take_shares_of_groups(w, link, wrench);
+    for (ncgen_tree_screw *screw = screws + own->n_screws; screw-- > screws;) {
+        screw->push += ncgen_dot3(screw->axis, wrench + (screw->turns ? 0 : 3));
+        if (own->group >= 0)
+            w->group[2 * own->group + 1] += screw->ratio * screw->push;
+        else
+            take_share(screw->pivot * screw->push, screw->momentum, wrench);
+    }
+}
+
 void ncgen_tree_push(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
     ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
+    ncgen_real passed[6] = {0, 0, 0, 0, 0, 0};
     for (int group = 0; group < n_groups; ++group)
         w->group[2 * group + 1] = 0;
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
         const ncgen_tree_link *own = w->link + link;
         ncgen_real wrench[6];
+        screw -= own->n_screws;
         ncgen_get6(own->lane, WRENCH, wrench);
-        if (n_groups)
-            take_shares_of_groups(w, link, wrench);
-        for (int k = 0; k < own->n_screws; ++k) {
-            --screw;
-            screw->push += ncgen_dot3(screw->axis, wrench + (screw->turns ? 0 : 3));
-            if (own->group >= 0)
-                w->group[2 * own->group + 1] += screw->ratio * screw->push;
-            else
-                take_share(screw->pivot * screw->push, screw->momentum, wrench);
-        }
-        pass_wrench(w, own, wrench);
+        ncgen_add_times(1, passed, wrench);
+        ncgen_add_times(1, passed + 3, wrench + 3);
+        if (own->is_hinge && !n_groups)
+            push_hinge(screw, wrench);
+        else
+            push_any(w, link, screw, wrench);
+        const int is_next = own->parent == link - 1;
+        if (!is_next)
+            pass_wrench(w, own, wrench);
+        shift_wrench(own->offset, wrench);
+        for (int i = 0; i < 6; ++i)
+            passed[i] = is_next ? wrench[i] : 0;
     }
 }
 
 /* How a hinge alone is accelerated by what is left for it, which moves its link besides what moves its parent. */
 static inline void release_hinge(ncgen_tree_screw *screw, ncgen_real *added)
 {
-    const ncgen_real push = screw->pivot * (screw->push - dot6(screw->momentum, added));
+    const ncgen_real *u = screw->momentum;
+    const ncgen_real turning = u[0] * added[0] + u[1] * added[1] + u[2] * added[2]; /* is known before the rest */
+    const ncgen_real push = screw->pivot * ((screw->push - turning) - (u[3] * added[3] + (u[4] * added[4] + u[5] * added[5])));
     screw->push = push;
     ncgen_add_times(push, screw->axis, added);
 }
@@ -355,18 +389,33 @@ void ncgen_tree_release(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
     ncgen_tree_screw *screw = w->screw;
+    ncgen_real added[6] = {0, 0, 0, 0, 0, 0};
     if (n_groups)
         release_groups(w, -1, ncgen_nothing);
-    for (const ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; screw += own->n_screws, ++own) {
-        ncgen_real added[6];
-        ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
+    for (int link = 0; link < w->tree->n_links; ++link) {
+        const ncgen_tree_link *own = w->link + link;
+        if (own->parent != link - 1)
+            ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
         ncgen_add_cross(added, own->offset, added + 3);
         if (own->is_hinge)
             release_hinge(screw, added);
         else
             release_any(w, own, screw, added);
         if (n_groups)
-            release_groups(w, (int)(own - w->link), added);
+            release_groups(w, link, added);
         ncgen_put6(added, own->lane, WRENCH);
+        screw += own->n_screws;
     }
+}
+
+void ncgen_tree_respond_to_wrenches(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
+{
+    ncgen_tree_begin_pushes(w);
+    ncgen_tree_push(w);
+    ncgen_tree_release(w);
+    ncgen_tree_spread_added(w);
+    ncgen_tree_measure_pushes(w);
+    ncgen_tree_take(r, w, w->moved);
+    for (int i = 0; i < r->n; ++i)
+        x[i] += w->moved[i];
 }
