@@ -92,6 +92,29 @@ static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, const ncgen_tree
     return status;
 }
 
+static inline motion motion_before(const ncgen_tree_work *w, const ncgen_tree_link *own)
+{
+    motion moves;
+    ncgen_get6(ncgen_lane_before(w, own), TWIST, moves.twist);
+    ncgen_get6(ncgen_lane_before(w, own), CHANGE, moves.change);
+    return moves;
+}
+
+/* How hinges move that hang on one another: the first link that is not one of them. In a loop that calls nothing what goes from link to link
+ * need not be stored in between. */
+static inline int go_along_hinges(const ncgen_run *r, ncgen_tree_work *w, int link, ncgen_tree_place *at, const ncgen_real *qd,
+                                  const int with_changes)
+{
+    const ncgen_tree_link *own = w->link + link, *end = w->link + w->tree->n_links;
+    motion moves = motion_before(w, own);
+    do {
+        go_on(r, w, own, at, qd, &moves, with_changes, 1);
+        ncgen_tree_go_on(own, at);
+        ++own;
+    } while (own < end && own->is_hinge && w->link + own->parent == own - 1);
+    return (int)(own - w->link);
+}
+
 static int is_same(int count, const ncgen_real *a, const ncgen_real *b)
 {
     for (int i = 0; i < count; ++i)
@@ -115,18 +138,17 @@ static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen
         ncgen_copy(r->n, q, w->values);
         place_all(r, w);
     }
-    motion moves = {{0}, {0}};
-    for (int link = 0; link < tree->n_links; ++link) {
+    for (int link = 0; link < tree->n_links;) {
         const ncgen_tree_link *own = w->link + link;
-        if (own->parent != link - 1) {
-            ncgen_get6(ncgen_lane_before(w, own), TWIST, moves.twist);
-            ncgen_get6(ncgen_lane_before(w, own), CHANGE, moves.change);
+        if (own->is_hinge) {
+            link = go_along_hinges(r, w, link, &at, qd, with_changes);
+            continue;
         }
-        if (own->is_hinge)
-            go_on(r, w, own, &at, qd, &moves, with_changes, 1);
-        else if (go_on(r, w, own, &at, qd, &moves, with_changes, 0) != NCGEN_OK)
+        motion moves = motion_before(w, own);
+        if (go_on(r, w, own, &at, qd, &moves, with_changes, 0) != NCGEN_OK)
             status = NCGEN_SINGULAR;
         ncgen_tree_go_on(own, &at);
+        ++link;
     }
     if (with_changes)
         ncgen_tree_set_wrenches(w);

@@ -183,6 +183,8 @@ static inline int pass_hinge(const ncgen_tree_link *own, ncgen_tree_screw *screw
     ncgen_set6(momentum, screw->momentum);
     shift_wrench(d, carries.wrench);
     shift_wrench(d, momentum);
+    for (int i = 0; i < 6; ++i)
+        screw->share[i] = inverse * momentum[i];
     take_share(inverse * push, momentum, carries.wrench);
     ncgen_set6(carries.wrench, passed->wrench);
     ncgen_set_shifted(carries.inertia, d, passed->inertia);
@@ -221,6 +223,13 @@ static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, carr
         join(w, link, screws, &carries);
     for (int k = own->group >= 0 ? -1 : own->n_screws - 1; k >= 0; --k)
         is_regular &= eliminate(screws + k, screws[k].turns, &carries);
+    if (own->is_hinge) {
+        ncgen_real momentum[6];
+        ncgen_set6(screws->momentum, momentum);
+        shift_wrench(own->offset, momentum);
+        for (int i = 0; i < 6; ++i)
+            screws->share[i] = screws->pivot * momentum[i];
+    }
     if (w->tree->n_closing && own->group < 0)
         is_regular &= has_inertia(screws, own->n_screws, turning, along);
     ncgen_set_shifted(carries.inertia, own->offset, passed->inertia);
@@ -366,14 +375,25 @@ void ncgen_tree_push(ncgen_tree_work *w)
     }
 }
 
-/* How a hinge alone is accelerated by what is left for it, which moves its link besides what moves its parent. */
-static inline void release_hinge(ncgen_tree_screw *screw, ncgen_real *added)
+/* How hinges alone that hang on one another are accelerated by what is left for them, which moves their links besides what moves their
+ * parents: the first link that is not one of them. What is left is known from the parent's motion, before the link's own is. */
+static int release_hinges(ncgen_tree_work *w, int link, ncgen_tree_screw *screw)
 {
-    const ncgen_real *u = screw->momentum;
-    const ncgen_real turning = u[0] * added[0] + u[1] * added[1] + u[2] * added[2]; /* is known before the rest */
-    const ncgen_real push = screw->pivot * ((screw->push - turning) - (u[3] * added[3] + (u[4] * added[4] + u[5] * added[5])));
-    screw->push = push;
-    ncgen_add_times(push, screw->axis, added);
+    const ncgen_tree_link *own = w->link + link, *end = w->link + w->tree->n_links;
+    ncgen_real added[6];
+    ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
+    do {
+        const ncgen_real *u = screw->share;
+        const ncgen_real a = u[0] * added[0] + u[1] * added[1], b = u[2] * added[2] + u[3] * added[3], c = u[4] * added[4] + u[5] * added[5];
+        const ncgen_real push = screw->pivot * screw->push - a - (b + c);
+        ncgen_add_cross(added, own->offset, added + 3);
+        screw->push = push;
+        ncgen_add_times(push, screw->axis, added);
+        ncgen_put6(added, own->lane, WRENCH);
+        ++screw;
+        ++own;
+    } while (own < end && own->is_hinge && w->link + own->parent == own - 1);
+    return (int)(own - w->link);
 }
 
 static void release_any(const ncgen_tree_work *w, const ncgen_tree_link *own, ncgen_tree_screw *screw, ncgen_real *added)
@@ -388,23 +408,23 @@ static void release_any(const ncgen_tree_work *w, const ncgen_tree_link *own, nc
 void ncgen_tree_release(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
-    ncgen_tree_screw *screw = w->screw;
-    ncgen_real added[6] = {0, 0, 0, 0, 0, 0};
     if (n_groups)
         release_groups(w, -1, ncgen_nothing);
-    for (int link = 0; link < w->tree->n_links; ++link) {
+    for (int link = 0; link < w->tree->n_links;) {
         const ncgen_tree_link *own = w->link + link;
-        if (own->parent != link - 1)
-            ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
+        ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
+        if (own->is_hinge && !n_groups) {
+            link = release_hinges(w, link, screw);
+            continue;
+        }
+        ncgen_real added[6];
+        ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
         ncgen_add_cross(added, own->offset, added + 3);
-        if (own->is_hinge)
-            release_hinge(screw, added);
-        else
-            release_any(w, own, screw, added);
+        release_any(w, own, screw, added);
         if (n_groups)
             release_groups(w, link, added);
         ncgen_put6(added, own->lane, WRENCH);
-        screw += own->n_screws;
+        ++link;
     }
 }
 

@@ -51,6 +51,7 @@ typedef struct ncgen_tree_screw {
     ncgen_scalar ratio, slowness; /* its rate over that of its leader; over that of the coordinate, 1 without one */
     ncgen_real axis[3];
     ncgen_real momentum[6]; /* at rate 1 */
+    ncgen_real share[6];    /* of a hinge alone: the same over screw . momentum, about the reference point of the parent */
     ncgen_real pivot;       /* 1 / (screw . momentum) */
     ncgen_real push;        /* force along a measured coordinate, then what is left for the screw, then its acceleration */
     ncgen_real rate;
