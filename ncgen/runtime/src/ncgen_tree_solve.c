@@ -171,25 +171,40 @@ static void add_sum(const ncgen_tree_link *own, carried *to)
 static inline int pass_hinge(const ncgen_tree_link *own, ncgen_tree_screw *screw, carried *passed)
 {
     const ncgen_real d[3] = {own->offset[0], own->offset[1], own->offset[2]};
-    ncgen_real axis[3], momentum[6];
+    const ncgen_real axis[3] = {screw->axis[0], screw->axis[1], screw->axis[2]};
+    ncgen_real momentum[6], share[6];
     carried carries;
     add_body(own, passed, &carries);
-    ncgen_set3(screw->axis, axis);
     ncgen_find_momentum(carries.inertia, 1, axis, momentum);
-    const ncgen_real pivot = screw->rotor + ncgen_dot3(axis, momentum), inverse = 1 / pivot;
-    const ncgen_real push = screw->push + ncgen_dot3(axis, carries.wrench);
+    const ncgen_real pivot = (screw->rotor + axis[0] * momentum[0]) + (axis[1] * momentum[1] + axis[2] * momentum[2]);
+    const ncgen_real inverse = 1 / pivot, push = screw->push + ncgen_dot3(axis, carries.wrench);
     screw->pivot = inverse;
     screw->push = push;
     ncgen_set6(momentum, screw->momentum);
     shift_wrench(d, carries.wrench);
     shift_wrench(d, momentum);
     for (int i = 0; i < 6; ++i)
-        screw->share[i] = inverse * momentum[i];
-    take_share(inverse * push, momentum, carries.wrench);
-    ncgen_set6(carries.wrench, passed->wrench);
+        share[i] = inverse * momentum[i];
+    ncgen_set6(share, screw->share);
+    for (int i = 0; i < 6; ++i)
+        passed->wrench[i] = carries.wrench[i] - push * share[i];
     ncgen_set_shifted(carries.inertia, d, passed->inertia);
-    ncgen_add_own_product(-inverse, momentum, passed->inertia);
+    ncgen_take_product(share, momentum, passed->inertia);
     return pivot > 0;
+}
+
+/* Hinges alone that hang on one another, from the last of them on: the first of them, whose parent gets what is passed. They call nothing, so
+ * that what goes from link to link need not be stored in between. */
+static int pass_hinges(const ncgen_tree_work *w, int link, ncgen_tree_screw *screw, carried *passed, int *is_regular)
+{
+    const ncgen_tree_link *own = w->link + link;
+    carried carries = *passed;
+    int are_regular = pass_hinge(own, screw, &carries);
+    while (own->parent >= 0 && w->link + own->parent == own - 1 && own[-1].is_hinge && !own[-1].has_sum)
+        are_regular &= pass_hinge(--own, --screw, &carries);
+    *passed = carries;
+    *is_regular &= are_regular;
+    return (int)(own - w->link);
 }
 
 /* What a link passes on joins what its parent carries already. */
@@ -242,25 +257,24 @@ int ncgen_tree_reduce(ncgen_tree_work *w)
 {
     static const carried nothing;
     const int n_groups = w->tree->n_groups, has_hinges_alone = !n_groups && !w->tree->n_closing;
-    ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
     carried passed = nothing;
     int is_regular = 1;
     if (n_groups)
         clear_groups(w);
     begin_sums(w);
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
-        const ncgen_tree_link *own = w->link + link;
-        screw -= own->n_screws;
-        if (own->has_sum)
-            add_sum(own, &passed);
-        if (own->is_hinge && has_hinges_alone)
-            is_regular &= pass_hinge(own, screw, &passed);
+        ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
+        if (w->link[link].has_sum)
+            add_sum(w->link + link, &passed);
+        if (w->link[link].is_hinge && has_hinges_alone)
+            link = pass_hinges(w, link, screw, &passed, &is_regular);
         else
             is_regular &= pass_any(w, link, screw, &passed);
-        if (own->parent == link - 1)
+        const int parent = w->link[link].parent;
+        if (parent == link - 1)
             continue;
-        if (own->parent >= 0)
-            add_carried(&passed, w->link + own->parent);
+        if (parent >= 0)
+            add_carried(&passed, w->link + parent);
         passed = nothing;
     }
     return n_groups ? is_regular & close_groups(w, -1, &passed) : is_regular;
