@@ -339,18 +339,39 @@ void ncgen_tree_begin_pushes(ncgen_tree_work *w)
         w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
 }
 
-/* The push of a hinge alone, which takes its part of a wrench. */
-static inline void push_hinge(ncgen_tree_screw *screw, ncgen_real *wrench)
-{
-    const ncgen_real push = screw->push + ncgen_dot3(screw->axis, wrench);
-    screw->push = push;
-    take_share(screw->pivot * push, screw->momentum, wrench);
-}
-
-/* ... and of any joint, of which a group may take its part only where it is carried. */
-static void push_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncgen_real *wrench)
+/* Pushes of hinges alone that hang on one another, from the last of them on: the first of them, whose parent gets what is passed. */
+static int push_hinges(const ncgen_tree_work *w, int link, ncgen_tree_screw *screw, ncgen_real *passed)
 {
     const ncgen_tree_link *own = w->link + link;
+    ncgen_real carries[6];
+    ncgen_set6(passed, carries);
+    for (;;) {
+        ncgen_real wrench[6];
+        ncgen_get6(own->lane, WRENCH, wrench);
+        ncgen_add_times(1, carries, wrench);
+        ncgen_add_times(1, carries + 3, wrench + 3);
+        const ncgen_real push = screw->push + ncgen_dot3(screw->axis, wrench);
+        screw->push = push;
+        shift_wrench(own->offset, wrench);
+        for (int i = 0; i < 6; ++i)
+            carries[i] = wrench[i] - push * screw->share[i];
+        if (own->parent < 0 || w->link + own->parent != own - 1 || !own[-1].is_hinge)
+            break;
+        --own;
+        --screw;
+    }
+    ncgen_set6(carries, passed);
+    return (int)(own - w->link);
+}
+
+/* The pushes of any joint, which takes its part of what is carried to its link, and what its parent gets. */
+static void push_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncgen_real *passed)
+{
+    const ncgen_tree_link *own = w->link + link;
+    ncgen_real wrench[6];
+    ncgen_get6(own->lane, WRENCH, wrench);
+    ncgen_add_times(1, passed, wrench);
+    ncgen_add_times(1, passed + 3, wrench + 3);
     if (w->tree->n_groups)
         take_shares_of_groups(w, link, wrench);
     for (ncgen_tree_screw *screw = screws + own->n_screws; screw-- > screws;) {
@@ -360,32 +381,30 @@ static void push_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncg
         else
             take_share(screw->pivot * screw->push, screw->momentum, wrench);
     }
+    shift_wrench(own->offset, wrench);
+    ncgen_set6(wrench, passed);
 }
 
 void ncgen_tree_push(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
-    ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
     ncgen_real passed[6] = {0, 0, 0, 0, 0, 0};
     for (int group = 0; group < n_groups; ++group)
         w->group[2 * group + 1] = 0;
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
-        const ncgen_tree_link *own = w->link + link;
-        ncgen_real wrench[6];
-        screw -= own->n_screws;
-        ncgen_get6(own->lane, WRENCH, wrench);
-        ncgen_add_times(1, passed, wrench);
-        ncgen_add_times(1, passed + 3, wrench + 3);
-        if (own->is_hinge && !n_groups)
-            push_hinge(screw, wrench);
+        ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
+        if (w->link[link].is_hinge && !n_groups)
+            link = push_hinges(w, link, screw, passed);
         else
-            push_any(w, link, screw, wrench);
-        const int is_next = own->parent == link - 1;
-        if (!is_next)
-            pass_wrench(w, own, wrench);
-        shift_wrench(own->offset, wrench);
-        for (int i = 0; i < 6; ++i)
-            passed[i] = is_next ? wrench[i] : 0;
+            push_any(w, link, screw, passed);
+        const int parent = w->link[link].parent;
+        if (parent == link - 1)
+            continue;
+        for (int i = 0; i < 6; ++i) {
+            if (parent >= 0)
+                w->link[parent].lane[(WRENCH + i) * NCGEN_LINK_LANES] += passed[i];
+            passed[i] = 0;
+        }
     }
 }
 

@@ -20,11 +20,11 @@ ncgen_real ncgen_norm(int count, const ncgen_real *x)
     return NCGEN_SQRT(ncgen_dot(count, x, x));
 }
 
-ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *sizes)
+/* The largest |x| over its size that is larger than one before; not a number if one is not. */
+static ncgen_real larger(int count, const ncgen_real *x, const ncgen_scalar *sizes, ncgen_real largest)
 {
-    ncgen_real largest = 0;
     for (int i = 0; i < count; ++i) {
-        if (NCGEN_ABS(x[i]) <= largest * sizes[i]) /* which most are, without a division */
+        if (NCGEN_ABS(x[i]) <= largest * sizes[i]) /* which takes no division */
             continue;
         const ncgen_real size = NCGEN_ABS(x[i]) / sizes[i];
         if (size != size)
@@ -35,6 +35,21 @@ ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *siz
     return largest;
 }
 
+/* Most numbers are not larger, which is found for many at once. */
+ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *sizes)
+{
+    enum { MANY = 32 };
+    ncgen_real largest = 0;
+    int i = 0;
+    for (; i + MANY <= count && largest >= 0; i += MANY) {
+        int is_any = 0;
+        for (int k = 0; k < MANY; ++k)
+            is_any |= !(NCGEN_ABS(x[i + k]) <= largest * sizes[i + k]);
+        if (is_any)
+            largest = larger(MANY, x + i, sizes + i, largest);
+    }
+    return largest >= 0 ? larger(count - i, x + i, sizes + i, largest) : largest;
+}
 /* Numbers in a row that are added up together, in vectors of the processor where it has them. */
 enum { TOGETHER = 8 };
 
