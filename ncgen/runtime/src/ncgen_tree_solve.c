@@ -6,6 +6,7 @@
  * A is the inertia that a link carries without its group.
  */
 #include "ncgen_tree_solve.h"
+#include "ncgen_tree_bodies.h"
 #include "ncgen_tree_singles.h"
 
 static inline ncgen_real dot6(const ncgen_real *a, const ncgen_real *b)
@@ -170,23 +171,40 @@ static void add_sum(const ncgen_tree_link *own, carried *to)
 static inline int pass_hinge(const ncgen_tree_link *own, ncgen_tree_screw *screw, carried *passed)
 {
     const ncgen_real d[3] = {own->offset[0], own->offset[1], own->offset[2]};
-    ncgen_real axis[3], momentum[6];
+    const ncgen_real axis[3] = {screw->axis[0], screw->axis[1], screw->axis[2]};
+    ncgen_real momentum[6], share[6];
     carried carries;
     add_body(own, passed, &carries);
-    ncgen_set3(screw->axis, axis);
     ncgen_find_momentum(carries.inertia, 1, axis, momentum);
-    const ncgen_real pivot = screw->rotor + ncgen_dot3(axis, momentum), inverse = 1 / pivot;
-    const ncgen_real push = screw->push + ncgen_dot3(axis, carries.wrench);
+    const ncgen_real pivot = (screw->rotor + axis[0] * momentum[0]) + (axis[1] * momentum[1] + axis[2] * momentum[2]);
+    const ncgen_real inverse = 1 / pivot, push = screw->push + ncgen_dot3(axis, carries.wrench);
     screw->pivot = inverse;
     screw->push = push;
     ncgen_set6(momentum, screw->momentum);
     shift_wrench(d, carries.wrench);
     shift_wrench(d, momentum);
-    take_share(inverse * push, momentum, carries.wrench);
-    ncgen_set6(carries.wrench, passed->wrench);
+    for (int i = 0; i < 6; ++i)
+        share[i] = inverse * momentum[i];
+    ncgen_set6(share, screw->share);
+    for (int i = 0; i < 6; ++i)
+        passed->wrench[i] = carries.wrench[i] - push * share[i];
     ncgen_set_shifted(carries.inertia, d, passed->inertia);
-    ncgen_add_own_product(-inverse, momentum, passed->inertia);
+    ncgen_take_product(share, momentum, passed->inertia);
     return pivot > 0;
+}
+
+/* Hinges alone that hang on one another, from the last of them on: the first of them, whose parent gets what is passed. They call nothing, so
+ * that what goes from link to link need not be stored in between. */
+static int pass_hinges(const ncgen_tree_work *w, int link, ncgen_tree_screw *screw, carried *passed, int *is_regular)
+{
+    const ncgen_tree_link *own = w->link + link;
+    carried carries = *passed;
+    int are_regular = pass_hinge(own, screw, &carries);
+    while (own->parent >= 0 && w->link + own->parent == own - 1 && own[-1].is_hinge && !own[-1].has_sum)
+        are_regular &= pass_hinge(--own, --screw, &carries);
+    *passed = carries;
+    *is_regular &= are_regular;
+    return (int)(own - w->link);
 }
 
 /* What a link passes on joins what its parent carries already. */
@@ -220,6 +238,13 @@ static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, carr
         join(w, link, screws, &carries);
     for (int k = own->group >= 0 ? -1 : own->n_screws - 1; k >= 0; --k)
         is_regular &= eliminate(screws + k, screws[k].turns, &carries);
+    if (own->is_hinge) {
+        ncgen_real momentum[6];
+        ncgen_set6(screws->momentum, momentum);
+        shift_wrench(own->offset, momentum);
+        for (int i = 0; i < 6; ++i)
+            screws->share[i] = screws->pivot * momentum[i];
+    }
     if (w->tree->n_closing && own->group < 0)
         is_regular &= has_inertia(screws, own->n_screws, turning, along);
     ncgen_set_shifted(carries.inertia, own->offset, passed->inertia);
@@ -232,25 +257,24 @@ int ncgen_tree_reduce(ncgen_tree_work *w)
 {
     static const carried nothing;
     const int n_groups = w->tree->n_groups, has_hinges_alone = !n_groups && !w->tree->n_closing;
-    ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
     carried passed = nothing;
     int is_regular = 1;
     if (n_groups)
         clear_groups(w);
     begin_sums(w);
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
-        const ncgen_tree_link *own = w->link + link;
-        screw -= own->n_screws;
-        if (own->has_sum)
-            add_sum(own, &passed);
-        if (own->is_hinge && has_hinges_alone)
-            is_regular &= pass_hinge(own, screw, &passed);
+        ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
+        if (w->link[link].has_sum)
+            add_sum(w->link + link, &passed);
+        if (w->link[link].is_hinge && has_hinges_alone)
+            link = pass_hinges(w, link, screw, &passed, &is_regular);
         else
             is_regular &= pass_any(w, link, screw, &passed);
-        if (own->parent == link - 1)
+        const int parent = w->link[link].parent;
+        if (parent == link - 1)
             continue;
-        if (own->parent >= 0)
-            add_carried(&passed, w->link + own->parent);
+        if (parent >= 0)
+            add_carried(&passed, w->link + parent);
         passed = nothing;
     }
     return n_groups ? is_regular & close_groups(w, -1, &passed) : is_regular;
@@ -304,42 +328,105 @@ void ncgen_tree_push_link(ncgen_tree_work *w, int link, ncgen_real *pushes, ncge
 void ncgen_tree_begin_pushes(ncgen_tree_work *w)
 {
     const ncgen_tree *tree = w->tree;
+    ncgen_tree_screw *screw = w->screw;
+    for (int i = 0; i < (w->is_measured_in_order ? tree->n_measured : 0); ++i, ++screw)
+        screw->push = tree->ratios[i] * w->force[screw->coordinate];
+    if (w->is_measured_in_order)
+        return;
     for (int k = 0; k < tree->n_screws; ++k)
         w->screw[k].push = 0;
     for (int i = 0; i < tree->n_measured; ++i)
         w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
 }
 
+/* Pushes of hinges alone that hang on one another, from the last of them on: the first of them, whose parent gets what is passed. */
+static int push_hinges(const ncgen_tree_work *w, int link, ncgen_tree_screw *screw, ncgen_real *passed)
+{
+    const ncgen_tree_link *own = w->link + link;
+    ncgen_real carries[6];
+    ncgen_set6(passed, carries);
+    for (;;) {
+        ncgen_real wrench[6];
+        ncgen_get6(own->lane, WRENCH, wrench);
+        ncgen_add_times(1, carries, wrench);
+        ncgen_add_times(1, carries + 3, wrench + 3);
+        const ncgen_real push = screw->push + ncgen_dot3(screw->axis, wrench);
+        screw->push = push;
+        shift_wrench(own->offset, wrench);
+        for (int i = 0; i < 6; ++i)
+            carries[i] = wrench[i] - push * screw->share[i];
+        if (own->parent < 0 || w->link + own->parent != own - 1 || !own[-1].is_hinge)
+            break;
+        --own;
+        --screw;
+    }
+    ncgen_set6(carries, passed);
+    return (int)(own - w->link);
+}
+
+/* The pushes of any joint, which takes its part of what is carried to its link, and what its parent gets. */
+static void push_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncgen_real *passed)
+{
+    const ncgen_tree_link *own = w->link + link;
+    ncgen_real wrench[6];
+    ncgen_get6(own->lane, WRENCH, wrench);
+    ncgen_add_times(1, passed, wrench);
+    ncgen_add_times(1, passed + 3, wrench + 3);
+    if (w->tree->n_groups)
+        take_shares_of_groups(w, link, wrench);
+    for (ncgen_tree_screw *screw = screws + own->n_screws; screw-- > screws;) {
+        screw->push += ncgen_dot3(screw->axis, wrench + (screw->turns ? 0 : 3));
+        if (own->group >= 0)
+            w->group[2 * own->group + 1] += screw->ratio * screw->push;
+        else
+            take_share(screw->pivot * screw->push, screw->momentum, wrench);
+    }
+    shift_wrench(own->offset, wrench);
+    ncgen_set6(wrench, passed);
+}
+
 void ncgen_tree_push(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
-    ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
+    ncgen_real passed[6] = {0, 0, 0, 0, 0, 0};
     for (int group = 0; group < n_groups; ++group)
         w->group[2 * group + 1] = 0;
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
-        const ncgen_tree_link *own = w->link + link;
-        ncgen_real wrench[6];
-        ncgen_get6(own->lane, WRENCH, wrench);
-        if (n_groups)
-            take_shares_of_groups(w, link, wrench);
-        for (int k = 0; k < own->n_screws; ++k) {
-            --screw;
-            screw->push += ncgen_dot3(screw->axis, wrench + (screw->turns ? 0 : 3));
-            if (own->group >= 0)
-                w->group[2 * own->group + 1] += screw->ratio * screw->push;
-            else
-                take_share(screw->pivot * screw->push, screw->momentum, wrench);
+        ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
+        if (w->link[link].is_hinge && !n_groups)
+            link = push_hinges(w, link, screw, passed);
+        else
+            push_any(w, link, screw, passed);
+        const int parent = w->link[link].parent;
+        if (parent == link - 1)
+            continue;
+        for (int i = 0; i < 6; ++i) {
+            if (parent >= 0)
+                w->link[parent].lane[(WRENCH + i) * NCGEN_LINK_LANES] += passed[i];
+            passed[i] = 0;
         }
-        pass_wrench(w, own, wrench);
     }
 }
 
-/* How a hinge alone is accelerated by what is left for it, which moves its link besides what moves its parent. */
-static inline void release_hinge(ncgen_tree_screw *screw, ncgen_real *added)
+/* How hinges alone that hang on one another are accelerated by what is left for them, which moves their links besides what moves their
+ * parents: the first link that is not one of them. What is left is known from the parent's motion, before the link's own is. */
+static int release_hinges(ncgen_tree_work *w, int link, ncgen_tree_screw *screw)
 {
-    const ncgen_real push = screw->pivot * (screw->push - dot6(screw->momentum, added));
-    screw->push = push;
-    ncgen_add_times(push, screw->axis, added);
+    const ncgen_tree_link *own = w->link + link, *end = w->link + w->tree->n_links;
+    ncgen_real added[6];
+    ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
+    do {
+        const ncgen_real *u = screw->share;
+        const ncgen_real a = u[0] * added[0] + u[1] * added[1], b = u[2] * added[2] + u[3] * added[3], c = u[4] * added[4] + u[5] * added[5];
+        const ncgen_real push = screw->pivot * screw->push - a - (b + c);
+        ncgen_add_cross(added, own->offset, added + 3);
+        screw->push = push;
+        ncgen_add_times(push, screw->axis, added);
+        ncgen_put6(added, own->lane, WRENCH);
+        ++screw;
+        ++own;
+    } while (own < end && own->is_hinge && w->link + own->parent == own - 1);
+    return (int)(own - w->link);
 }
 
 static void release_any(const ncgen_tree_work *w, const ncgen_tree_link *own, ncgen_tree_screw *screw, ncgen_real *added)
@@ -354,19 +441,34 @@ static void release_any(const ncgen_tree_work *w, const ncgen_tree_link *own, nc
 void ncgen_tree_release(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
-    ncgen_tree_screw *screw = w->screw;
     if (n_groups)
         release_groups(w, -1, ncgen_nothing);
-    for (const ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; screw += own->n_screws, ++own) {
+    for (int link = 0; link < w->tree->n_links;) {
+        const ncgen_tree_link *own = w->link + link;
+        ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
+        if (own->is_hinge && !n_groups) {
+            link = release_hinges(w, link, screw);
+            continue;
+        }
         ncgen_real added[6];
         ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
         ncgen_add_cross(added, own->offset, added + 3);
-        if (own->is_hinge)
-            release_hinge(screw, added);
-        else
-            release_any(w, own, screw, added);
+        release_any(w, own, screw, added);
         if (n_groups)
-            release_groups(w, (int)(own - w->link), added);
+            release_groups(w, link, added);
         ncgen_put6(added, own->lane, WRENCH);
+        ++link;
     }
+}
+
+void ncgen_tree_respond_to_wrenches(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
+{
+    ncgen_tree_begin_pushes(w);
+    ncgen_tree_push(w);
+    ncgen_tree_release(w);
+    ncgen_tree_spread_added(w);
+    ncgen_tree_measure_pushes(w);
+    ncgen_tree_take(r, w, w->moved);
+    for (int i = 0; i < r->n; ++i)
+        x[i] += w->moved[i];
 }
