@@ -26,12 +26,13 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> object:
+    home = _HOMES.get(name)
+    if home is not None:
+        return getattr(modules.get(home) or _imported(home), name)
     if name.removesuffix("_batch") in _HOMES and name.endswith("_batch"):
         today = name.removesuffix("_batch")
         raise AttributeError(f"ncgen.{name} is now ncgen.{today}, called with rows of states (docs/renamed.md)")
-    if name not in _HOMES:
-        raise AttributeError(f"module 'ncgen' has no attribute {name!r}")
-    return getattr(modules.get(_HOMES[name]) or _imported(_HOMES[name]), name)
+    raise AttributeError(f"module 'ncgen' has no attribute {name!r}")
 
 
 def _imported(name: str) -> object:

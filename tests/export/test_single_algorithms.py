@@ -23,8 +23,6 @@ REASONS = {
     "c/ncgen_tableaus.h.jinja": {"tableau": "the data of the runtime's explicit methods"},
     "package/motion.c.jinja": {
         "eliminat": "the plan by which the runtime eliminates, as data",
-        "rk4": "the name of a method of the runtime",
-        "dop853": "the name of a method of the runtime",
         "factori": "a message of the runtime",
     },
     "package/dynamics.c.jinja": {"eliminat": "the plan by which the runtime eliminates, as data"},

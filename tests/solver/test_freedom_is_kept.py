@@ -87,3 +87,30 @@ def test_a_singular_position_is_no_clear_case():
     m.body("bar", [A, B], mass=1.0, inertia="rod")
     found = ncgen.freedom(ncgen.compile(m, "numpy"))
     assert found.is_singular and found.positions > 1
+
+
+@pytest.mark.parametrize("name", ["robot", "bennett", "bricard", "excavator", "stewart", "tree"])
+def test_the_rank_where_another_position_is_known_is_that_of_the_whole_search(name):
+    """At positions of a motion, in an order in which none is the first."""
+    kernels = ncgen.compile(ncgen.load(name), "numpy")
+    run = ncgen.simulate(ncgen.compile(ncgen.load(name)), 0.3, points=4)
+    assert rank.rank_at(kernels, kernels.q0, 0.0, kernels.p0) == (ncgen.freedom(kernels).rank, False)
+    for t, q in zip(run.t[1:], run.q[1:], strict=True):
+        here = rank.freedom_at(ncgen.compile(ncgen.load(name), "numpy"), q, float(t), kernels.p0)
+        assert rank.rank_at(kernels, q, float(t), kernels.p0) == (here.rank, here.is_singular)
+
+
+def test_a_singular_position_of_redundant_rows_is_found_after_a_regular_one():
+    """Three parallel cranks and a coupler: one row is implied by the others, and where all lie in a line two more motions are possible."""
+    m = ncgen.Model("cranks")
+    centres = [m.point(f"O{i}", (i, 0), fixed=True) for i in range(3)]
+    pins = [m.point(f"P{i}", (i + np.cos(0.5), np.sin(0.5))) for i in range(3)]
+    for i in range(3):
+        m.body(f"crank{i}", [centres[i], pins[i]], mass=1.0, inertia="rod")
+    m.body("coupler", pins, mass=1.0, inertia=1.0)
+    kernels = ncgen.compile(m, "numpy")
+    for angle in (0.5, 1.0, 0.0, 2.0, np.pi):
+        q = np.ravel([(i + np.cos(angle), np.sin(angle)) for i in range(3)])
+        here = rank._freedom(kernels, q, 0.0, kernels.p0)
+        assert rank.rank_at(kernels, q, 0.0, kernels.p0) == (here.rank, here.is_singular)
+        assert here.is_singular == (np.sin(angle) < 1e-9)

@@ -107,16 +107,8 @@ static void describe(ncgen_linked_variant *v, const int *integers)
 
 static void choose_method(ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol)
 {
-    const ncgen_options none = {0};
-    options = none;
-    options.method = step > 0 ? NCGEN_RK4 : NCGEN_DOP853;
-    options.formalism = NCGEN_LAGRANGE;
-    options.project = 1;
-    options.rtol = rtol;
-    options.atol = atol;
-    options.max_step = step;
+    options = ncgen_options_of_calls(step, rtol, atol);
     options.max_steps = MOST_STEPS;
-    options.tolerance = 5000 * ncgen_rounding();
     options.event = here.events.count > 0 ? &here.watched : NULL;
 }
 

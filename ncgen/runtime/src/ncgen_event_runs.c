@@ -180,10 +180,8 @@ static int happen(ncgen_event_runs *runs, const ncgen_event *watched)
 {
     ncgen_passage *passage = &runs->passage;
     int status = read_inputs(runs);
-    if (status == NCGEN_OK && runs->events->n_holds)
-        status = ncgen_mark_crossed_loads(runs->events, watched->count, watched->crossed, passage);
-    else if (status == NCGEN_OK)
-        ncgen_mark_crossed(runs->events, watched->count, watched->crossed, passage);
+    if (status == NCGEN_OK)
+        status = ncgen_mark_crossed(runs->events, watched->count, watched->crossed, passage);
     if (status == NCGEN_OK)
         status = ncgen_apply_events(&runs->driven, runs->events, runs->own_p, &runs->moment, passage);
     if (status == NCGEN_OK && runs->row == runs->n_times && !*passage->stopped) {

@@ -374,10 +374,7 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
         status = breaks ? ncgen_advance_over_breaks(mode, breaks, p, moment, t_end, statistics) : ncgen_advance(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
-        if (events->n_holds)
-            status = ncgen_mark_crossed_loads(events, in.watched.count, in.watched.crossed, passage);
-        else
-            ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
+        status = ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         if (status == NCGEN_OK)
             status = ncgen_apply_events(d, events, p, moment, passage);
         acted = 1;

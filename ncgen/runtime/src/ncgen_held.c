@@ -82,12 +82,14 @@ int ncgen_is_determined(const ncgen_events *events, const ncgen_real *pairs)
     return !events->rubs || ncgen_is_positive(pairs[2 * (events->count + events->n_loads - 1)], 1);
 }
 
-int ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
+int ncgen_mark_crossed(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
 {
-    int *released = ncgen_flags(events, passage, NCGEN_RELEASED);
     for (int k = 0; k < events->count; ++k)
         passage->due[k] = crossed[k];
+    if (!events->n_holds)
+        ncgen_mark_crossed_gaps(events, count, crossed, passage);
     for (int h = 0; h < events->n_holds; ++h) {
+        int *released = ncgen_flags(events, passage, NCGEN_RELEASED);
         released[h] = 0;
         for (int l = 0; l < ncgen_loads_of(events->holds[h].kind); ++l)
             if (events->count + events->holds[h].load + l < count && crossed[events->count + events->holds[h].load + l])

@@ -51,6 +51,6 @@ int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const n
 
 /* What crossed at the end of a run, of so many that were watched: conditions that are due, and what is released. NCGEN_UNDETERMINED where
  * loads that friction follows no longer are. */
-int ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage);
+int ncgen_mark_crossed(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage);
 
 #endif

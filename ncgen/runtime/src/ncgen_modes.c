@@ -45,11 +45,9 @@ void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_
     }
 }
 
-void ncgen_mark_crossed(const ncgen_events *events, int count, const int *crossed, ncgen_passage *passage)
+void ncgen_mark_crossed_gaps(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
 {
     const ncgen_mode *mode = present(events, passage);
-    for (int k = 0; k < events->count; ++k)
-        passage->due[k] = crossed[k];
     for (int k = events->count; k < count; ++k)
         if (crossed[k])
             passage->wanted[events->count + mode->held[k - events->count]] = 1;

@@ -18,8 +18,8 @@ void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_
 int ncgen_enter_present(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage,
     ncgen_entered *in);
 
-/* What crossed at the end of a run in the present mode, `count` conditions: events that are due, and gaps that are released. */
-void ncgen_mark_crossed(const ncgen_events *events, int count, const int *crossed, ncgen_passage *passage);
+/* Gaps that are released, of what crossed at the end of a run in the present mode, `count` conditions. */
+void ncgen_mark_crossed_gaps(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage);
 
 /* Does the present mode hold the gap of an event? */
 int ncgen_holds(const ncgen_events *events, const ncgen_passage *passage, int event);

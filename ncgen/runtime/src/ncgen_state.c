@@ -157,6 +157,19 @@ ncgen_scalar ncgen_rounding(void)
     }
 }
 
+ncgen_options ncgen_options_of_calls(ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol)
+{
+    ncgen_options options = {0};
+    options.method = step > 0 ? NCGEN_RK4 : NCGEN_DOP853;
+    options.formalism = NCGEN_LAGRANGE;
+    options.project = 1;
+    options.rtol = rtol;
+    options.atol = atol;
+    options.max_step = step;
+    options.tolerance = 5000 * ncgen_rounding();
+    return options;
+}
+
 void ncgen_begin(ncgen_run *r)
 {
     ncgen_statistics *s = r->statistics;

@@ -67,6 +67,9 @@ static inline int ncgen_is_step(const ncgen_run *r, ncgen_scalar t, ncgen_scalar
 /* The rounding unit of numbers. */
 ncgen_scalar ncgen_rounding(void);
 
+/* Those of a motion from call to call: by RK4 in steps of this length, or by DOP853 within tolerances where it is 0. */
+ncgen_options ncgen_options_of_calls(ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol);
+
 /* A run without workspace; its state once that is known, or is being counted; and its first state. */
 void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 void ncgen_state_layout(ncgen_run *r);

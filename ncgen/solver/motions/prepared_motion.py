@@ -16,12 +16,14 @@ from ncgen.errors import counted
 from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.argument_checks import ArrayOrNamed
 from ncgen.solver.engines import acceleration_forms, capabilities
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import doubtful
 from ncgen.solver.positions.rank import REMEMBERED, rank_at
+from ncgen.solver.runs.alarms import Limits
 from ncgen.solver.runs.choice import Choice, choose, stiff_choice
 from ncgen.solver.runs.grid import MOST_CACHED_POINTS, RunTimes
 from ncgen.solver.runs.run import Initial, Run
@@ -77,6 +79,7 @@ class PreparedMotion:
         self._plans: dict[Choice, RunPlan] = {}
         self._kin: PreparedMotion | None = None
         self._explained: dict[tuple[Choice, str], str] = {}
+        self._limits: dict[str, Limits] = {}
 
     @classmethod
     def of_arguments(cls, kernels: Kernels, duration: float, points: int | ArrayLike = 101, **arguments: Any) -> PreparedMotion:
@@ -230,6 +233,13 @@ class PreparedMotion:
         settings, partitions = self.run.settings, self.start.partitions
         refused = capabilities.refusal(self.kernels, choice.method, settings.engine, settings.number)
         return refused or (capabilities.refusal_of_size(self.kernels, partitions, settings.engine) if partitions else None)
+
+    def limits(self, method: Method) -> Limits:
+        """Up to which what C sees of a motion by a method leaves no doubt."""
+        limits = self._limits.get(method.integrator.name)
+        if limits is None:
+            limits = self._limits[method.integrator.name] = Limits.of(self.tolerances, method, self.rows.duration)
+        return limits
 
     def explained(self, choice: Choice, engine: str) -> str:
         """The method and the engine, and why they were taken."""

@@ -22,7 +22,7 @@ from ncgen.solver.runs.choice import IMPLICIT, stiff_choice
 from ncgen.solver.runs.divergence import divergence
 from ncgen.solver.runs.grid import RunTimes
 from ncgen.solver.runs.path import Path
-from ncgen.solver.runs.settings import Form
+from ncgen.solver.runs.settings import Form, Settings
 from ncgen.solver.runs.task import Task
 from ncgen.solver.trajectories.energy import Instants
 from ncgen.solver.trajectories.grid_motion import Statistics, made
@@ -43,6 +43,11 @@ def _with_neighbours(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 NOTHING_MET = Passage()
 """What a run without events meets; nobody writes to it."""
+
+
+def _remedy(settings: Settings) -> str:
+    """What to ask for where a run in C is not possible."""
+    return "engine='auto'" if settings.number == "double" else "number='double'"
 
 
 class Stopwatch:
@@ -78,17 +83,16 @@ class RunUnderWay:
         form, refused, _ = self._plan
         if self.has_events:
             check_events(kernels, self.choice.method, motion.run)
-        remedy = "engine='auto'" if settings.number == "double" else "number='double'"
         if refused and settings.needs_c:
             number = "" if settings.number == "double" else f" with {settings.number}"
-            raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {remedy}")
+            raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {_remedy(settings)}")
         if refused is None:
             refused = self._in_c(form)
             if refused == compiled.STIFFNESS_REASON:
                 refused = self._go_on_implicit(form)
                 form = motion.form(self.choice) if form == "tree" else form
             if refused and settings.needs_c:
-                raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it continues in Python")
+                raise ConvergenceError(f"{kernels.name}: {refused}; with {_remedy(settings)} it continues in Python")
         if refused is not None:
             self._check_reference(refused)
             if self.choice.method.is_constrained:

@@ -18,7 +18,7 @@ from ncgen.solver.motions.run_under_way import RunUnderWay, Stopwatch
 from ncgen.solver.positions.negative_mass import negative_instant
 from ncgen.solver.positions.partition import singular_message
 from ncgen.solver.positions.rank import freedom_at
-from ncgen.solver.runs.alarms import are_impossible, doubts
+from ncgen.solver.runs.alarms import doubts
 from ncgen.solver.runs.progress_reports import ProgressOption, check_progress, reporting
 from ncgen.solver.runs.run import Run
 from ncgen.solver.trajectories.trajectory import Trajectory
@@ -89,7 +89,7 @@ def _carry_out(motion: PreparedMotion, progress: Callable[[float], None] | None)
         warn(singular_message(kernels, freedom_at(kernels, start.q, t0, start.p)))
     if has_doubtful and (negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p)):
         warn(f"{kernels.name}: {negative}")
-    if not are_impossible(under_way.path.inspection, motion.rows.duration, motion.tolerances, method):
+    if not motion.limits(method).allow(under_way.path.inspection):
         for doubt in doubts(trajectory, under_way.inspected(), motion.tolerances, method):
             warn(f"{kernels.name}: {doubt}")
     return trajectory

@@ -135,7 +135,7 @@ def choose_partition(
         )
     # The last ones come first here, so that of two that serve equally well the first one stays independent.
     others = np.array([i for i in reversed(range(kernels.n)) if i not in set(wanted)], dtype=int)
-    pivots = column_order(jacobian[:, others]) if count else np.arange(len(others))
+    pivots = column_order(jacobian[:, others]) if 0 < count < len(others) else np.arange(len(others))
     dependent = np.sort(others[pivots[:count]])
     partition = Partition(rows, dependent, np.array(wanted + sorted(set(others[pivots[count:]].tolist())), dtype=int))
     if quality(kernels, partition, q, t, p) < MIN_QUALITY:

@@ -184,11 +184,36 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
 
 def rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[int, bool]:
     """The rank of Φ_q, and whether q is a singular position. A large open tree has none of these, and its joints tell the rank; which rows
-    others imply is not looked for."""
+    others imply is not looked for, and where they imply any, one general position near q confirms the rank of another position."""
     if kernels.m >= MIN_TREE_ROWS and (tree := known_tree(kernels)):
         return kernels.n - tree.freedoms, False
-    mobility = freedom_at(kernels, q, t, p)
-    return mobility.rank, mobility.is_singular
+    rows = kernels.of_rows(p).tobytes()
+    return kernels.remember("ranks", (q.tobytes(), float(t), rows), lambda: _rank_at(kernels, q, t, p, rows), REMEMBERED)
+
+
+def _rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rows: bytes) -> tuple[int, bool]:
+    """`rank_at` of what no tree tells; rows: the parameters that rows read."""
+    here: list[Freedom] = []
+
+    def whole() -> Freedom:
+        if not here:
+            here.append(freedom_at(kernels, q, t, p))
+        return here[0]
+
+    usual = kernels.remember("usual rank", rows, lambda: whole().rank, REMEMBERED)
+    if not here and usual < kernels.m < DENSE and _has_rank(kernels, q, t, p, usual):
+        return usual, False
+    return whole().rank, whole().is_singular
+
+
+def _has_rank(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rank: int) -> bool:
+    """Whether Φ_q clearly has a rank, that of another position, at q and in a general position near it."""
+    check_finite(kernels, q, t, p)
+    positions = trial_positions(kernels, q, t, p, count=1)
+    jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
+    largest = _largest_rows(jacobians)
+    values = [np.linalg.svd(j / largest, compute_uv=False) for j in jacobians]
+    return len(values) == 2 and all(_rank_of(v) == rank and (not rank or v[rank - 1] > CLEAR_FRACTION * v[0]) for v in values)
 
 
 def _freedom_from_cache(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:

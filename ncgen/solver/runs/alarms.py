@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,15 +35,32 @@ ROUNDINGS = 64.0
 """The same in roundings of a number type that has fewer digits."""
 
 
-def are_impossible(seen: Inspection | None, duration: float, tolerances: Tolerances, method: Method) -> bool:
-    """Whether nothing can speak against a motion of some length (s), as `doubts` has it, by what C saw of it at the same instants."""
-    if _has_feedback(method):
-        return False
-    if method.has_fixed_step:
-        return True
-    if seen is None or not is_small(seen.change, seen.energy, seen.kinetic, _limit(tolerances)):
-        return False
-    return seen.remainder <= VELOCITY_TOLERANCE * _slow(duration)
+@dataclass(frozen=True)
+class Limits:
+    """Up to which what C saw of a motion speaks for it, so that `doubts` has nothing to say.
+
+    change: of the energy, relative to the largest kinetic one; remainder: of Φ_q q̇ − ν, relative to the sizes of rows
+    can_tell: False where constraints are held by feedback alone; has_doubts: False where nothing is ever said about the method
+    """
+
+    change: float
+    remainder: float
+    can_tell: bool
+    has_doubts: bool
+
+    @classmethod
+    def of(cls, tolerances: Tolerances, method: Method, duration: float) -> Limits:
+        """Of a run of some length (s)."""
+        feedback = _has_feedback(method)
+        return cls(_limit(tolerances), VELOCITY_TOLERANCE * _slow(duration), not feedback, feedback or not method.has_fixed_step)
+
+    def allow(self, seen: Inspection | None) -> bool:
+        """Whether nothing can speak against a motion of which C saw this."""
+        if not self.has_doubts:
+            return True
+        if seen is None or not self.can_tell:
+            return False
+        return is_small(seen.change, seen.energy, seen.kinetic, self.change) and seen.remainder <= self.remainder
 
 
 def _has_feedback(method: Method) -> bool:

@@ -76,7 +76,11 @@ class Path:
             self.q, self.qd, self.work = done.q, done.qd, done.work + work if work else done.work
         else:
             self.extend(done.q, done.qd, done.work + work)
-        self.add_counts((done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
+        counts = self.counts
+        counts[0] += done.steps
+        counts[1] += done.evaluations
+        counts[2] += done.newton_steps
+        counts[4] += done.repeated
         self.projections += done.steps if projects else 0
         self.largest_projection = max(self.largest_projection, done.largest_projection)
         self.jacobians += done.jacobians
