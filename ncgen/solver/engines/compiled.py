@@ -9,7 +9,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.listening import Progress
-from ncgen.mechanism.run_arguments import InitialState, Monitor
+from ncgen.mechanism.run_arguments import InitialState
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.kkt import MAX_DENSE_UNKNOWNS
 from ncgen.solver.formalisms.projection import least_energy
@@ -197,13 +197,18 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
     try:
         while True:
             progress(t)
-            dynamics = _for_next(kernels, partitions, form, len(used_partitions), q, p, number)
-            done = dynamics.simulate(
-                method.integrator.name, times, InitialState(q, zd, p), inputs=task.inputs_in_c(rule_of(kernels)),
-                monitor=Monitor(conditions=task.watched, progress=progress), movable=movable, max_step=task.step_in_c,
-                tolerance=closeness(number), max_growth=growth, stop_when_stiff=int(task.stop_when_stiff),
-                **_in_c(task.tolerances, kernels, partitions),
-            )  # fmt: skip
+            call = None if begun else task.calls.get((kernels, form))
+            if call is None:
+                call = _for_next(kernels, partitions, form, len(used_partitions), q, p, number).run_by(
+                    method.integrator.name, max_step=task.step_in_c, tolerance=closeness(number), max_growth=growth,
+                    stop_when_stiff=int(task.stop_when_stiff), **_in_c(task.tolerances, kernels, partitions),
+                ).call(
+                    times, InitialState(q, zd, p), inputs=task.inputs_in_c(rule_of(kernels)), conditions=task.watched, movable=movable,
+                    inspected=None if begun else task.inspected,
+                )  # fmt: skip
+            if not begun:
+                task.calls[kernels, form] = call
+            done = call.simulate(progress)
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
             task.looked_at(len(path.q), done.t[fresh:])
@@ -214,6 +219,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             if done.stopped:
                 path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
             if done.stopped or done.status == "ok" or len(path.q) == len(grid):
+                path.inspection = None if begun or done.stopped else done.inspection
                 return None
             lost = grid[len(path.q)] < done.reached  # rows inside a step that was taken
             reason = _ended(path, kernels, grid, done, work, p)

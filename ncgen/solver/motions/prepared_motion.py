@@ -102,11 +102,11 @@ class PreparedMotion:
 
     @classmethod
     def _of_run(cls, kernels: Kernels, run: Run) -> PreparedMotion:
-        """Of a run as it was asked for; of equal settings, grids and starts the same object."""
-        if run.stop or run.signals or not run.grid.is_small:
+        """Of a run as it was asked for; of equal settings, grids, stops and starts the same object."""
+        if run.signals or not run.grid.is_small:
             return cls(kernels, run)
         start = start_of(kernels, run.initial, not choose(run.settings).method.is_constrained)
-        key = kernels, kernels.effort, run.settings, run.grid, start
+        key = kernels, kernels.effort, run.settings, run.grid, run.stop, start
         return kernels.remember("motions from starts", key, lambda: cls(kernels, run), REMEMBERED)
 
     def with_velocities(self, zd0: ArrayOrNamed | None, qd0: ArrayOrNamed | None) -> PreparedMotion:
@@ -177,7 +177,7 @@ class PreparedMotion:
             return plan
         run, start, kernels, is_constrained = self.run, self.start, self.kernels, choice.method.is_constrained
         is_new = kernels.backend != "c" or (start.partitions and run.settings.engine in EMITTED)  # which may be refused
-        if self._kin and not is_new:
+        if self._kin and is_constrained and not is_new:
             common = self._kin.plan(choice)
             plan = self._plans[choice] = common._replace(task=common.task.with_velocities(start.qd))
             return plan
@@ -186,7 +186,7 @@ class PreparedMotion:
         task = common.task.begun(
             grid=self.rows.times,
             q=start.q,
-            velocities=start.qd,
+            velocities=start.qd if is_constrained or choice is not self.choice else start.rates,
             p=start.p,
             stop=run.stop,
             signals=run.signals,

@@ -185,7 +185,7 @@ class RunUnderWay:
     def _task(self) -> Task:
         """What is asked of an engine."""
         task = self._plan.task.again(self.times, self.progress)
-        return task if task.method.is_constrained else task.begun(velocities=self._rates())
+        return task if task.method.is_constrained or self.choice is self.motion.choice else task.begun(velocities=self._rates())
 
     def _rates(self) -> np.ndarray:
         """Velocities of the independent coordinates at the start."""

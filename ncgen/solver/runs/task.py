@@ -115,7 +115,7 @@ class Task:
     @property
     def arrival(self) -> float | None:
         """Where steps with error control are to arrive (s); None where a stop may end the run before."""
-        return None if self.watched or self.method.has_fixed_step else float(self.grid[-1])
+        return None if self.conditions or self.stop or self.method.has_fixed_step else float(self.grid[-1])
 
     def begun(self, **numbers: Any) -> Task:
         """The same for a run with other numbers (`grid`, `movable`, `q`, `velocities`, `p`, `rank`, `tolerances` of the same kind), and
