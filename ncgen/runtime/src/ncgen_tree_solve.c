@@ -7,6 +7,7 @@
  */
 #include "ncgen_tree_solve.h"
 #include "ncgen_tree_bodies.h"
+#include "ncgen_tree_hinges.h"
 #include "ncgen_tree_singles.h"
 
 static inline ncgen_real dot6(const ncgen_real *a, const ncgen_real *b)
@@ -21,19 +22,8 @@ static inline void take_share(ncgen_real share, const ncgen_real *momentum, ncge
     ncgen_add_times(-share, momentum + 3, wrench + 3);
 }
 
-/* What moves with a link: the inertia and the wrench that its parent gets. */
-typedef struct carried {
-    ncgen_real inertia[INERTIA], wrench[6];
-} carried;
-
-/* A wrench about a point that is d away from the one it is about now. */
-static inline void shift_wrench(const ncgen_real *d, ncgen_real *wrench)
-{
-    ncgen_add_cross(d, wrench + 3, wrench);
-}
-
 /* The inertia and the wrench beyond a screw without what it does not pass on; 0 where it moves nothing. */
-static inline int eliminate(ncgen_tree_screw *screw, int turns, carried *own)
+static inline int eliminate(ncgen_tree_screw *screw, int turns, ncgen_tree_carried *own)
 {
     const int along = turns ? 0 : 3;
     ncgen_real momentum[6];
@@ -59,7 +49,7 @@ static ncgen_real *joined_before(const ncgen_tree_work *w, const ncgen_tree_link
 
 /* A link of a group takes nothing from what is beyond it: its screw adds to the group's momentum, pivot and push, and the carrier
  * takes all. */
-static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw, const carried *carries)
+static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw, const ncgen_tree_carried *carries)
 {
     const ncgen_tree_link *own = w->link + link;
     const int along = screw->turns ? 0 : 3;
@@ -76,7 +66,7 @@ static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw, const ca
 }
 
 /* The pivots of groups that hang on a link, whose inertia and wrench lose what they do not pass on; 0 where one of them moves nothing. */
-static int close_groups(ncgen_tree_work *w, int link, carried *carries)
+static int close_groups(ncgen_tree_work *w, int link, ncgen_tree_carried *carries)
 {
     int is_regular = 1;
     for (int group = 0; group < w->tree->n_groups; ++group) {
@@ -135,80 +125,15 @@ static ncgen_real trace_of(const ncgen_real *symmetric)
 
 /* The tree --------------------------------------------------------------------------------------------------------- */
 
-/* What is carried to a link, and its own body's. */
-static inline void add_body(const ncgen_tree_link *own, const carried *from, carried *to)
-{
-    const ncgen_real *lane = own->lane, *inertia = from->inertia, *before = from->wrench, mass = lane[MASS * NCGEN_LINK_LANES];
-    ncgen_real second[6], first[3], wrench[6];
-    ncgen_get6(lane, MOMENTS, second);
-    ncgen_get3(lane, MOMENTS + 6, first);
-    ncgen_get6(lane, WRENCH, wrench);
-    const ncgen_real a[6] = {inertia[0] + (second[1] + second[2]), inertia[1] + (second[0] + second[2]), inertia[2] + (second[0] + second[1]),
-                             inertia[3] - second[3], inertia[4] - second[4], inertia[5] - second[5]};
-    const ncgen_real *B = inertia + MIXED, *M = inertia + ALONG;
-    const ncgen_real b[9] = {B[0], B[1] - first[2], B[2] + first[1], B[3] + first[2], B[4], B[5] - first[0], B[6] - first[1],
-                             B[7] + first[0], B[8]};
-    const ncgen_real c[6] = {M[0] + mass, M[1] + mass, M[2] + mass, M[3], M[4], M[5]};
-    for (int i = 0; i < 6; ++i)
-        to->inertia[TURNING + i] = a[i];
-    for (int i = 0; i < 9; ++i)
-        to->inertia[MIXED + i] = b[i];
-    for (int i = 0; i < 6; ++i)
-        to->inertia[ALONG + i] = c[i];
-    for (int i = 0; i < 6; ++i)
-        to->wrench[i] = before[i] + wrench[i];
-}
-
 /* The inertia that a link has of others that hang on it without standing next to it. */
-static void add_sum(const ncgen_tree_link *own, carried *to)
+static void add_sum(const ncgen_tree_link *own, ncgen_tree_carried *to)
 {
     for (int i = 0; i < INERTIA; ++i)
         to->inertia[i] += own->inertia[i];
 }
 
-/* The same of a hinge alone: what its parent gets in place of what was carried to its link. What it does not pass on moves to the parent's
- * point by itself, so that nothing else waits for the division. */
-static inline int pass_hinge(const ncgen_tree_link *own, ncgen_tree_screw *screw, carried *passed)
-{
-    const ncgen_real d[3] = {own->offset[0], own->offset[1], own->offset[2]};
-    const ncgen_real axis[3] = {screw->axis[0], screw->axis[1], screw->axis[2]};
-    ncgen_real momentum[6], share[6];
-    carried carries;
-    add_body(own, passed, &carries);
-    ncgen_find_momentum(carries.inertia, 1, axis, momentum);
-    const ncgen_real pivot = (screw->rotor + axis[0] * momentum[0]) + (axis[1] * momentum[1] + axis[2] * momentum[2]);
-    const ncgen_real inverse = 1 / pivot, push = screw->push + ncgen_dot3(axis, carries.wrench);
-    screw->pivot = inverse;
-    screw->push = push;
-    ncgen_set6(momentum, screw->momentum);
-    shift_wrench(d, carries.wrench);
-    shift_wrench(d, momentum);
-    for (int i = 0; i < 6; ++i)
-        share[i] = inverse * momentum[i];
-    ncgen_set6(share, screw->share);
-    for (int i = 0; i < 6; ++i)
-        passed->wrench[i] = carries.wrench[i] - push * share[i];
-    ncgen_set_shifted(carries.inertia, d, passed->inertia);
-    ncgen_take_product(share, momentum, passed->inertia);
-    return pivot > 0;
-}
-
-/* Hinges alone that hang on one another, from the last of them on: the first of them, whose parent gets what is passed. They call nothing, so
- * that what goes from link to link need not be stored in between. */
-static int pass_hinges(const ncgen_tree_work *w, int link, ncgen_tree_screw *screw, carried *passed, int *is_regular)
-{
-    const ncgen_tree_link *own = w->link + link;
-    carried carries = *passed;
-    int are_regular = pass_hinge(own, screw, &carries);
-    while (own->parent >= 0 && w->link + own->parent == own - 1 && own[-1].is_hinge && !own[-1].has_sum)
-        are_regular &= pass_hinge(--own, --screw, &carries);
-    *passed = carries;
-    *is_regular &= are_regular;
-    return (int)(own - w->link);
-}
-
 /* What a link passes on joins what its parent carries already. */
-static void add_carried(const carried *passed, ncgen_tree_link *parent)
+static void add_carried(const ncgen_tree_carried *passed, ncgen_tree_link *parent)
 {
     for (int i = 0; i < INERTIA; ++i)
         parent->inertia[i] += passed->inertia[i];
@@ -227,11 +152,11 @@ static void begin_sums(ncgen_tree_work *w)
 }
 
 /* A link that is not a hinge alone: what its parent gets of what it carries; 0 where a joint moves nothing. */
-static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, carried *passed)
+static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncgen_tree_carried *passed)
 {
     const ncgen_tree_link *own = w->link + link;
-    carried carries;
-    add_body(own, passed, &carries);
+    ncgen_tree_carried carries;
+    ncgen_tree_add_body(own, passed, &carries);
     int is_regular = w->tree->n_groups ? close_groups(w, link, &carries) : 1;
     const ncgen_real turning = trace_of(carries.inertia + TURNING), along = trace_of(carries.inertia + ALONG);
     if (own->group >= 0)
@@ -241,7 +166,7 @@ static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, carr
     if (own->is_hinge) {
         ncgen_real momentum[6];
         ncgen_set6(screws->momentum, momentum);
-        shift_wrench(own->offset, momentum);
+        ncgen_shift_wrench(own->offset, momentum);
         for (int i = 0; i < 6; ++i)
             screws->share[i] = screws->pivot * momentum[i];
     }
@@ -249,15 +174,15 @@ static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, carr
         is_regular &= has_inertia(screws, own->n_screws, turning, along);
     ncgen_set_shifted(carries.inertia, own->offset, passed->inertia);
     ncgen_set6(carries.wrench, passed->wrench);
-    shift_wrench(own->offset, passed->wrench);
+    ncgen_shift_wrench(own->offset, passed->wrench);
     return is_regular;
 }
 
 int ncgen_tree_reduce(ncgen_tree_work *w)
 {
-    static const carried nothing;
+    static const ncgen_tree_carried nothing;
     const int n_groups = w->tree->n_groups, has_hinges_alone = !n_groups && !w->tree->n_closing;
-    carried passed = nothing;
+    ncgen_tree_carried passed = nothing;
     int is_regular = 1;
     if (n_groups)
         clear_groups(w);
@@ -267,7 +192,7 @@ int ncgen_tree_reduce(ncgen_tree_work *w)
         if (w->link[link].has_sum)
             add_sum(w->link + link, &passed);
         if (w->link[link].is_hinge && has_hinges_alone)
-            link = pass_hinges(w, link, screw, &passed, &is_regular);
+            link = ncgen_tree_pass_hinges(w, link, screw, &passed, &is_regular);
         else
             is_regular &= pass_any(w, link, screw, &passed);
         const int parent = w->link[link].parent;
@@ -339,32 +264,7 @@ void ncgen_tree_begin_pushes(ncgen_tree_work *w)
         w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
 }
 
-/* Pushes of hinges alone that hang on one another, from the last of them on: the first of them, whose parent gets what is passed. */
-static int push_hinges(const ncgen_tree_work *w, int link, ncgen_tree_screw *screw, ncgen_real *passed)
-{
-    const ncgen_tree_link *own = w->link + link;
-    ncgen_real carries[6];
-    ncgen_set6(passed, carries);
-    for (;;) {
-        ncgen_real wrench[6];
-        ncgen_get6(own->lane, WRENCH, wrench);
-        ncgen_add_times(1, carries, wrench);
-        ncgen_add_times(1, carries + 3, wrench + 3);
-        const ncgen_real push = screw->push + ncgen_dot3(screw->axis, wrench);
-        screw->push = push;
-        shift_wrench(own->offset, wrench);
-        for (int i = 0; i < 6; ++i)
-            carries[i] = wrench[i] - push * screw->share[i];
-        if (own->parent < 0 || w->link + own->parent != own - 1 || !own[-1].is_hinge)
-            break;
-        --own;
-        --screw;
-    }
-    ncgen_set6(carries, passed);
-    return (int)(own - w->link);
-}
-
-/* The pushes of any joint, which takes its part of what is carried to its link, and what its parent gets. */
+/* The pushes of any joint, which takes its part of what is ncgen_tree_carried to its link, and what its parent gets. */
 static void push_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncgen_real *passed)
 {
     const ncgen_tree_link *own = w->link + link;
@@ -381,7 +281,7 @@ static void push_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncg
         else
             take_share(screw->pivot * screw->push, screw->momentum, wrench);
     }
-    shift_wrench(own->offset, wrench);
+    ncgen_shift_wrench(own->offset, wrench);
     ncgen_set6(wrench, passed);
 }
 
@@ -394,7 +294,7 @@ void ncgen_tree_push(ncgen_tree_work *w)
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
         ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
         if (w->link[link].is_hinge && !n_groups)
-            link = push_hinges(w, link, screw, passed);
+            link = ncgen_tree_push_hinges(w, link, screw, passed);
         else
             push_any(w, link, screw, passed);
         const int parent = w->link[link].parent;
@@ -406,27 +306,6 @@ void ncgen_tree_push(ncgen_tree_work *w)
             passed[i] = 0;
         }
     }
-}
-
-/* How hinges alone that hang on one another are accelerated by what is left for them, which moves their links besides what moves their
- * parents: the first link that is not one of them. What is left is known from the parent's motion, before the link's own is. */
-static int release_hinges(ncgen_tree_work *w, int link, ncgen_tree_screw *screw)
-{
-    const ncgen_tree_link *own = w->link + link, *end = w->link + w->tree->n_links;
-    ncgen_real added[6];
-    ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
-    do {
-        const ncgen_real *u = screw->share;
-        const ncgen_real a = u[0] * added[0] + u[1] * added[1], b = u[2] * added[2] + u[3] * added[3], c = u[4] * added[4] + u[5] * added[5];
-        const ncgen_real push = screw->pivot * screw->push - a - (b + c);
-        ncgen_add_cross(added, own->offset, added + 3);
-        screw->push = push;
-        ncgen_add_times(push, screw->axis, added);
-        ncgen_put6(added, own->lane, WRENCH);
-        ++screw;
-        ++own;
-    } while (own < end && own->is_hinge && w->link + own->parent == own - 1);
-    return (int)(own - w->link);
 }
 
 static void release_any(const ncgen_tree_work *w, const ncgen_tree_link *own, ncgen_tree_screw *screw, ncgen_real *added)
@@ -447,7 +326,7 @@ void ncgen_tree_release(ncgen_tree_work *w)
         const ncgen_tree_link *own = w->link + link;
         ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
         if (own->is_hinge && !n_groups) {
-            link = release_hinges(w, link, screw);
+            link = ncgen_tree_release_hinges(w, link, screw);
             continue;
         }
         ncgen_real added[6];
