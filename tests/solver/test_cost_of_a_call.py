@@ -67,6 +67,27 @@ def test_a_call_has_the_bits_of_the_first(fourbar):
         assert run.statistics.steps == fresh.statistics.steps and run.made_with == fresh.made_with
 
 
+METHODS = [
+    {}, {"integrator": "radau"}, {"integrator": "generalized-alpha", "max_step": 0.01}, {"integrator": "rattle", "max_step": 0.01},
+    {"formalism": "coordinate-partitioning"}, {"number": "float"}, {"options": {"stabilisation": "baumgarte"}}, {"stop": {}},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("method", METHODS, ids=str)
+def test_other_velocities_have_the_bits_of_a_first_call(fourbar, method):
+    """After a run at rest, and in turns, so that all that such calls have in common comes from another one."""
+    asked = {"points": np.linspace(0.0, 0.2, 5)} | method | ({"stop": {fourbar.coordinates[0]: 10.0}} if "stop" in method else {})
+    z = ncgen.simulate(fourbar, 0.2, **asked).independent[0]
+    rates = [{"zd0": {z: 0.3}}, {"qd0": np.zeros(fourbar.n)}, {"zd0": [-2.0]}, {"zd0": {z: 0.3}}]
+    fresh = ncgen.compile(fourbar.model, backend="c")
+    for velocities in rates:
+        run, first = (ncgen.simulate(kernels, 0.2, **asked, **velocities) for kernels in (fourbar, fresh))
+        fresh = ncgen.compile(fourbar.model, backend="c")
+        for name in ("t", "q", "qd", "work"):
+            np.testing.assert_array_equal(getattr(run, name), getattr(first, name))
+        assert run.statistics.steps == first.statistics.steps and run.made_with == first.made_with
+
+
 def test_what_a_run_leaves_in_its_workspace_is_nothing_to_the_next(fourbar, monkeypatch):
     expected = ncgen.simulate(fourbar, 0.3, points=7, integrator="radau")
     give_back = RunSpace.clear

@@ -57,6 +57,13 @@ ncgen_real ncgen_rest_of_rows(const ncgen_run *r, const ncgen_constrained *w)
     return largest;
 }
 
+/* Is a change at rounding of the solution, or where that is nearly nothing, at rounding of the rounding of what it is the difference of? */
+static int is_nothing(const ncgen_run *r, const ncgen_constrained *w, ncgen_real change, ncgen_real size)
+{
+    const ncgen_real solution = ncgen_constrained_size(r, w->solution), least = r->rounding * size;
+    return change <= 4 * r->rounding * (solution > least ? solution : least);
+}
+
 /* w->solution of the equations with the right side w->right; refined where the factors are not exact. The last change is about the error
  * then; rows that got no multiplier, though no others imply them, have to be satisfied all the same. */
 int ncgen_constrained_solve(ncgen_run *r)
@@ -79,7 +86,7 @@ int ncgen_constrained_solve(ncgen_run *r)
             w->solution[i] += w->residual[i];
         r->statistics->refinements += 1;
         before = change;
-        if (change <= 4 * r->rounding * size)
+        if (is_nothing(r, w, change, size))
             break;
     }
     const ncgen_real enough = NCGEN_SQRT(r->rounding) * size;

@@ -87,7 +87,7 @@ class GridMotion:
     changed: bool = False
     user_formalism: Formalism | None = None
 
-    @property
+    @cached_property
     def independent(self) -> tuple[str, ...]:
         """Names of the independent coordinates: those that were chosen, else those at the end of the run."""
         partitions = self.partitions or choose_partitions(self.kernels, self.q[-1], self.t[-1], self.p)
