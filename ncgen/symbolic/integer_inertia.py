@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
-from ncgen.model.catalogue import cross, dot
-
 Integers = list[int]
 
 
@@ -31,8 +29,8 @@ def standard_in_integers(
     inertia, per_tensor = _over_one(tensor)
     m, per_mass = mass.as_integer_ratio()
     x0, x1, x2 = x[:3], x[3:6], x[6:]
-    crossed = (cross(x1, x2), cross(x2, x0), cross(x0, x1))  # rows of X⁻¹ times volume / per_axis
-    volume = dot(x0, crossed[0])
+    crossed = (_cross(x1, x2), _cross(x2, x0), _cross(x0, x1))  # rows of X⁻¹ times volume / per_axis
+    volume = _dot(x0, crossed[0])
     sizes = [_norm(c * per_axis / volume for c in row) for row in crossed]
     away, trace = _norm(map(float, offset)), inertia[0] + inertia[4] + inertia[8]
     half = trace / (2 * per_tensor)
@@ -41,14 +39,14 @@ def standard_in_integers(
         return 0 if abs(numerator / denominator) <= rounding * scale else numerator
 
     unit = volume * per_offset  # of a, over per_axis
-    a = [cleaned(dot(row, d) * per_axis, unit, size * away) // per_axis for row, size in zip(crossed, sizes, strict=True)]
-    turned = [[dot(row, inertia[k::3]) for k in range(3)] for row in crossed]
+    a = [cleaned(_dot(row, d) * per_axis, unit, size * away) // per_axis for row, size in zip(crossed, sizes, strict=True)]
+    turned = [[_dot(row, inertia[k::3]) for k in range(3)] for row in crossed]
     whole, rows = 2 * per_tensor * volume**2, [[Fraction(0)] * 4 for _ in range(4)]
     rows[0][0] = mass
     for i in range(3):
         rows[0][i + 1] = rows[i + 1][0] = Fraction(m * a[i] * per_axis, per_mass * unit)
         for j in range(i + 1):
-            spread = dot(crossed[i], crossed[j]) * trace - 2 * dot(turned[i], crossed[j])
+            spread = _dot(crossed[i], crossed[j]) * trace - 2 * _dot(turned[i], crossed[j])
             spread = cleaned(spread * per_axis**2, whole, half * sizes[i] * sizes[j]) // per_axis**2
             numerator = spread * per_mass * per_offset**2 + 2 * per_tensor * m * a[i] * a[j]
             rows[i + 1][j + 1] = rows[j + 1][i + 1] = Fraction(numerator * per_axis**2, whole * per_mass * per_offset**2)
@@ -64,3 +62,11 @@ def _over_one(values: Sequence[Fraction]) -> tuple[Integers, int]:
 def _norm(vector: Iterable[float]) -> float:
     """Raises OverflowError where it is no double."""
     return sum(x**2 for x in vector) ** 0.5
+
+
+def _dot(a: Integers, b: Integers) -> int:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: Integers, b: Integers) -> Integers:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

@@ -208,12 +208,6 @@ int ncgen_generic_is_table(const ncgen_real *table, long length)
     return used == length;
 }
 
-long ncgen_generic_integers(const ncgen_real *table)
-{
-    const long n = (long)table[0], m = (long)table[1];
-    return m + 1 + m * n + n + 1 + n * n;
-}
-
 /* A dense pattern; returns the integers behind it. */
 static int *fill_pattern(int rows, int columns, int *integers, ncgen_pattern *pattern)
 {

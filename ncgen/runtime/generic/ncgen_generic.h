@@ -35,10 +35,7 @@ extern const int ncgen_n_types;
 /* Is a table of so many numbers one that the kernels can read? */
 int ncgen_generic_is_table(const ncgen_real *table, long length);
 
-/* Integers that ncgen_generic_describe needs. */
-long ncgen_generic_integers(const ncgen_real *table);
-
-/* The mechanism of a table; integers hold the patterns of its matrices as long as the model is used. */
+/* The mechanism of a table; integers (m + 1 + m n + n + 1 + n n) hold the patterns of its matrices as long as the model is used. */
 void ncgen_generic_describe(const ncgen_real *table, int *integers, ncgen_model *model);
 
 int ncgen_generic_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *table, ncgen_real *phi);

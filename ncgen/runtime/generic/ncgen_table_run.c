@@ -48,40 +48,28 @@ int ncgen_table_rank(void)
     return rank;
 }
 
-/* The rank of rows x columns numbers in `square`, by elimination with exchange of both; they are overwritten. */
+/* The rank of rows x columns numbers in `square`, which are overwritten: by elimination from the largest of all, whose row is zero then. */
 static int rank_of(int rows, int columns)
 {
     ncgen_real first = 0;
-    for (int k = 0; k < rows && k < columns; ++k) {
-        int row = k, column = k;
-        for (int i = k; i < rows; ++i)
-            for (int j = k; j < columns; ++j)
-                if (NCGEN_ABS(square[i * columns + j]) > NCGEN_ABS(square[row * columns + column])) {
-                    row = i;
-                    column = j;
-                }
-        const ncgen_real pivot = square[row * columns + column];
-        if (k == 0)
-            first = NCGEN_ABS(pivot);
+    for (int k = 0; k < rows; ++k) {
+        int best = 0;
+        for (int i = 0; i < rows * columns; ++i)
+            best = NCGEN_ABS(square[i]) > NCGEN_ABS(square[best]) ? i : best;
+        const int row = best / columns, column = best % columns;
+        const ncgen_real pivot = square[best];
+        first = k ? first : NCGEN_ABS(pivot);
         if (!(NCGEN_ABS(pivot) > RANK_TOLERANCE * first))
             return k;
-        for (int j = 0; j < columns; ++j) {
-            const ncgen_real other = square[row * columns + j];
-            square[row * columns + j] = square[k * columns + j];
-            square[k * columns + j] = other;
-        }
         for (int i = 0; i < rows; ++i) {
-            const ncgen_real other = square[i * columns + column];
-            square[i * columns + column] = square[i * columns + k];
-            square[i * columns + k] = other;
+            const ncgen_real share = square[i * columns + column] / pivot;
+            for (int j = 0; j < columns && i != row; ++j)
+                square[i * columns + j] -= share * square[row * columns + j];
         }
-        for (int i = k + 1; i < rows; ++i) {
-            const ncgen_real share = square[i * columns + k] / pivot;
-            for (int j = k; j < columns; ++j)
-                square[i * columns + j] -= share * square[k * columns + j];
-        }
+        for (int j = 0; j < columns; ++j)
+            square[row * columns + j] = 0;
     }
-    return rows < columns ? rows : columns;
+    return rows;
 }
 
 /* Sizes of the rows, and their rank: what rows change by when coordinates move by their sizes. */
