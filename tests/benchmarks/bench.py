@@ -12,6 +12,7 @@
     python tests/benchmarks/bench.py chain --growth            generation and steps of longer and longer chains; or arm
     python tests/benchmarks/bench.py all --defaults            the default call next to the best method; or one hard case
     python tests/benchmarks/bench.py all --calls               what a call costs beside its run in C; or one MODEL
+    python tests/benchmarks/bench.py fourbar --other-calls     what calls besides simulate cost
 
 MODEL is an example's name or a path to a model's file. What is not installed is left out; requirements.txt names it all.
 """
@@ -152,6 +153,12 @@ def calls(options: argparse.Namespace) -> None:
     print_records(records, call_lines, options.json)
 
 
+def other_calls(options: argparse.Namespace) -> None:
+    from benchmarks.calls import other_lines, other_records
+
+    print_records([*other_records(options.model)], partial(other_lines, options.model), options.json)
+
+
 def _only(options: argparse.Namespace, *names: str) -> None:
     if options.model not in names:
         raise ModelError(f"{options.model}: this is not measured of it; choose {', '.join(names)}")
@@ -161,6 +168,7 @@ WHAT = {
     "--instructions": instructions, "--derivatives": derivatives, "--tables": paper_tables, "--gradients": gradients,
     "--libraries": libraries, "--data": data, "--arms": arms, "--peers": peers, "--growth": growth, "--defaults": defaults,
     "--calls": calls,
+    "--other-calls": other_calls,
 }  # fmt: skip
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 
+import ncgen
 from ncgen.compiler import compile
 from ncgen.exchange.examples import load
 from ncgen.mechanism import prepared_run
@@ -119,6 +121,46 @@ def calls_of(call: Callable[[], object]) -> int:
     finally:
         sys.setprofile(before)
     return count
+
+
+def other_records(name: str) -> Iterator[dict]:
+    """A record for other calls that are made in loops: functions called in a call, and the median of its seconds."""
+    kernels = compile(load(name), "c")
+    run = simulate(kernels, 0.1, points=51)
+    z, near = [kernels.index[each] for each in run.independent], cycle(range(1, 51))
+    q, zd, simulation = run.q[:1], run.qd[:1, z], ncgen.start(kernels)
+    out = ncgen.accelerations(kernels, q, zd)
+
+    def elsewhere() -> object:
+        row = next(near)
+        return simulate(kernels, DURATION, q0=run.q[row], qd0=run.qd[row])
+
+    calls = {
+        "start().step": lambda: simulation.step(1e-4),
+        "freedom": lambda: ncgen.freedom(kernels),
+        "joint_space": lambda: ncgen.joint_space(kernels),
+        "accelerations, with out": lambda: ncgen.accelerations(kernels, q, zd, out=out),
+        "start": lambda: ncgen.start(kernels),
+        "accelerations": lambda: ncgen.accelerations(kernels, q[0], zd[0]),
+        "simulate from another position": elsewhere,
+        "linearise": lambda: ncgen.linearise(kernels),
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for label, call in calls.items():
+            seconds = []
+            for _ in range(FIRST_CALLS + CALLS // 4):
+                begun = time.perf_counter()
+                call()
+                seconds.append(time.perf_counter() - begun)
+            yield {"call": label, "functions": calls_of(call), "seconds": float(np.median(seconds[FIRST_CALLS:]))}
+
+
+def other_lines(name: str, records: Iterable[dict]) -> Iterator[str]:
+    """The records as a table, in µs."""
+    yield f"{name:<32}{'functions':>11}{'whole call':>12}"
+    for r in records:
+        yield f"{r['call']:<32}{r['functions']:>11}{1e6 * r['seconds']:>12.1f}"
 
 
 def call_lines(records: list[dict]) -> Iterator[str]:

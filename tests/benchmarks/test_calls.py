@@ -13,4 +13,13 @@ def test_a_call_beside_its_run(monkeypatch):
     assert line.startswith("fourbar") and len(line) == len(head) and last.startswith("beside C: median")
 
 
+def test_other_calls(monkeypatch):
+    """A step is a call of C with next to nothing around it."""
+    monkeypatch.setattr(calls, "CALLS", 5)
+    records = {record["call"]: record for record in calls.other_records("fourbar")}
+    assert records["start().step"]["functions"] < 15 and all(record["seconds"] > 0 for record in records.values())
+    head, *lines = calls.other_lines("fourbar", records.values())
+    assert len(lines) == len(records) and {len(line) for line in lines} == {len(head)}
+
+
 KERNELS = calls.compile(calls.load("fourbar"), "c")

@@ -150,6 +150,12 @@ class Saddle:
         correction = self.solve({i: graph.sum(nodes) for i, nodes in sums.items()})
         return {i: _total(graph, first.get(i), correction.get(i)) for i in first.keys() | correction.keys()}
 
+    def motion(self) -> tuple[Vector, Vector]:
+        """Forces and right-hand sides of accelerations, and q̈ and λ that follow from them; where all constraints are rows of H."""
+        right = self.lines.vector(KERNELS["force"])
+        right |= {self.index_of[r]: node for r, node in self.lines.vector(KERNELS["gamma"]).items()}
+        return right, self.refined(right)
+
     def change(self, x: Vector, right: Vector, along: dict[int, int], solve: Callable[[Vector], Vector]) -> Vector:
         """How the solution x of H x = right changes along a direction: H dx = dright − dH x, solved as x was.
 
@@ -219,9 +225,7 @@ class _Motion:
         self.given = lines.rates
         lines.rates = [graph.add(rate, self.onto[c]) if c in self.onto else rate for c, rate in enumerate(lines.rates)]
 
-        self.right = lines.vector(KERNELS["force"])
-        self.right |= {n + r: node for r, node in lines.vector(KERNELS["gamma"]).items()}
-        self.x = self.saddle.refined(self.right)
+        self.right, self.x = self.saddle.motion()
         energies = lines.vector(KERNELS["energy"])
         self.kinetic, self.potential, power = (energies.get(k, zero) for k in range(len(ENERGIES)))
         for r, node in nu.items():

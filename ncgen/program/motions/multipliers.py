@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.motions.full_motion import REGULARISATION, MotionSizes, Saddle
 
@@ -22,9 +21,7 @@ class AccelerationNodes:
         n, m = len(lines.equations.free), len(lines.equations.rows)
         self.lines, self.n, zero = lines, n, lines.graph.const(0.0)
         self.saddle = Saddle(lines, sizes, range(m), REGULARISATION)
-        self.right = lines.vector(KERNELS["force"])
-        self.right |= {n + r: node for r, node in lines.vector(KERNELS["gamma"]).items()}
-        self.x = self.saddle.refined(self.right)
+        self.right, self.x = self.saddle.motion()
         self.qdd = [self.x.get(c, zero) for c in range(n)]
         self.lam = [self.x.get(n + r, zero) for r in range(m)]
 

@@ -88,10 +88,10 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
 
 def _whole_call(kernels: Kernels, task: Task, form: Form) -> RunCall:
     """All of a task over all coordinates in C, kept with it for when it comes again."""
-    if task.kin is None:
+    if task.sibling is None:
         call = _call(kernels, task, form, (0, task.q, task.velocities))
     else:
-        call = (task.kin.calls.get((kernels, form)) or _whole_call(kernels, task.kin, form)).with_velocities(task.velocities)
+        call = (task.sibling.calls.get((kernels, form)) or _whole_call(kernels, task.sibling, form)).with_velocities(task.velocities)
     task.calls[kernels, form] = call
     return call
 

@@ -72,7 +72,9 @@ def _one(
     extra_times[[0, -1]] = False  # the ends are what the run goes on from
     inside = task.breaks[np.searchsorted(task.breaks[:, 0], ends[0], "right") : np.searchsorted(task.breaks[:, 1], ends[1])]
     try:
-        return engine(segment, kernels, replace(task, grid=times, movable=extra_times, breaks=inside, inspected=None, kin=None)), segment
+        return engine(
+            segment, kernels, replace(task, grid=times, movable=extra_times, breaks=inside, inspected=None, sibling=None)
+        ), segment
     finally:
         _take_over(path, segment, positions, work, float(grid[first - 1]) if first else -np.inf)
         task.looked_at(first, times[positions])

@@ -107,7 +107,7 @@ class EventLoop:
         part_task = replace(
             task, grid=np.concatenate([[at.t] * fresh, ahead]), movable=extra_times, q=at.q, velocities=at.qd, p=at.p,
             conditions=conditions, rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
-            inspected=None, kin=None,
+            inspected=None, sibling=None,
         )  # fmt: skip
         try:
             return self.engine(segment, self.mode, part_task)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.integrate import DenseOutput, OdeSolver
+
+from ncgen.solver.integrators.ode import Derivative, Slope
 
 
 class Caught:
@@ -30,6 +32,33 @@ class Caught:
         problem, self._problem = self._problem, None
         if problem is not None:
             raise problem
+
+
+class ForeignSolver(OdeSolver):
+    """Steps of a library, whose solver children make of options and begin at the present state (`_begun`)."""
+
+    def __init__(
+        self,
+        fun: Derivative,
+        t0: float,
+        y0: np.ndarray,
+        t_bound: float,
+        rtol: float = 1e-3,
+        atol: float | np.ndarray = 1e-6,
+        max_step: float = np.inf,
+        vectorized: bool = False,
+        first_step: float | None = None,
+        jac: Slope | None = None,
+        **extra: object,
+    ) -> None:
+        super().__init__(fun, t0, y0, t_bound, vectorized)
+        self._caught = Caught()
+        self._engine = self._begun(
+            jac, rtol=rtol, atol=atol, first_step=first_step or 0.0, max_step=0.0 if np.isinf(max_step) else max_step
+        )
+
+    def _begun(self, jac: Slope | None, **options: float | np.ndarray) -> Any:
+        raise NotImplementedError
 
 
 class Asked(DenseOutput):

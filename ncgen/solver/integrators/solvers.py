@@ -12,9 +12,9 @@ from scipy.integrate import DenseOutput, OdeSolver
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import Integrator
-from ncgen.solver.integrators.caught import Asked, Caught
+from ncgen.solver.integrators.caught import Asked, ForeignSolver
 from ncgen.solver.integrators.fixed_step import FixedRungeKutta
-from ncgen.solver.integrators.ode import Derivative
+from ncgen.solver.integrators.ode import Slope
 from ncgen.solver.integrators.sundials import CvodeAdams, CvodeBdf
 
 
@@ -24,29 +24,12 @@ class _WithSlope(Protocol):
     f: np.ndarray
 
 
-class Adams(scipy.integrate.OdeSolver):
+class Adams(ForeignSolver):
     """Variable-order Adams (VODE) as a SciPy step-by-step solver: the paper's ode113."""
 
-    def __init__(
-        self,
-        fun: Derivative,
-        t0: float,
-        y0: np.ndarray,
-        t_bound: float,
-        rtol: float = 1e-3,
-        atol: float | np.ndarray = 1e-6,
-        max_step: float = np.inf,
-        vectorized: bool = False,
-        first_step: float | None = None,
-        **extra: object,
-    ) -> None:
-        super().__init__(fun, t0, y0, t_bound, vectorized)
-        self._caught = Caught()
-        self._engine = scipy.integrate.ode(self._slope).set_integrator(
-            "vode", method="adams", rtol=rtol, atol=atol, max_step=0.0 if np.isinf(max_step) else max_step,
-            first_step=first_step or 0.0, nsteps=100000,
-        )  # fmt: skip
-        self._engine.set_initial_value(y0, t0)
+    def _begun(self, jac: Slope | None, **options: float | np.ndarray) -> scipy.integrate.ode:
+        engine = scipy.integrate.ode(self._slope).set_integrator("vode", method="adams", nsteps=100000, **options)
+        return engine.set_initial_value(self.y, self.t)
 
     def _slope(self, t: float, y: np.ndarray) -> np.ndarray:
         return np.broadcast_to(self._caught.call(self.fun, t, y), y.shape)

@@ -11,44 +11,26 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-import scipy.integrate
 from scipy.integrate import DenseOutput
 
 from ncgen.errors import ModelError
-from ncgen.solver.integrators.caught import Asked, Caught
-from ncgen.solver.integrators.ode import Derivative, Slope
+from ncgen.solver.integrators.caught import Asked, ForeignSolver
+from ncgen.solver.integrators.ode import Slope
 
 
-class Cvode(scipy.integrate.OdeSolver):
+class Cvode(ForeignSolver):
     """One of CVODE's families of methods (Hindmarsh et al. 2005, doi 10.1145/1089014.1089020), variable in step and order."""
 
     family: str
     _jac: Slope
 
-    def __init__(
-        self,
-        fun: Derivative,
-        t0: float,
-        y0: np.ndarray,
-        t_bound: float,
-        rtol: float = 1e-3,
-        atol: float | np.ndarray = 1e-6,
-        max_step: float = np.inf,
-        vectorized: bool = False,
-        first_step: float | None = None,
-        jac: Slope | None = None,
-        **extra: object,
-    ) -> None:
-        super().__init__(fun, t0, y0, t_bound, vectorized)
-        self._caught = Caught()
+    def _begun(self, jac: Slope | None, **options: float | np.ndarray) -> Any:
         slope = {}
         if jac is not None:
             self._jac, slope = jac, {"jacfn": self._fill_jacobian}
-        self._engine = _cvode()(
-            self._fill, method=self.family, rtol=rtol, atol=atol, first_step=first_step or 0.0,
-            max_step=0.0 if np.isinf(max_step) else max_step, **slope,
-        )  # fmt: skip
-        self._engine.init_step(t0, self.y.copy())
+        engine = _cvode()(self._fill, method=self.family, **options, **slope)
+        engine.init_step(self.t, self.y.copy())
+        return engine
 
     def _fill(self, t: float, y: np.ndarray, yp: np.ndarray) -> None:
         yp[:] = self._caught.call(self.fun, t, y)

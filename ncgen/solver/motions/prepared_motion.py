@@ -77,7 +77,7 @@ class PreparedMotion:
             )
         self.warnings = (*self.start.warnings, *self._advice)
         self._plans: dict[Choice, RunPlan] = {}
-        self._kin: PreparedMotion | None = None
+        self._sibling: PreparedMotion | None = None
         self._explained: dict[tuple[Choice, str], str] = {}
         self._limits: dict[str, Limits] = {}
 
@@ -121,7 +121,7 @@ class PreparedMotion:
         assert self.mass_is_doubtful is not None and self.tolerances and self.breaks is not None  # what both have in common, found here
         other = copy(self)
         other.run, other.start, other.warnings = replace(self.run, initial=initial), start, (*start.warnings, *self._advice)
-        other._plans, other._kin = {}, self
+        other._plans, other._sibling = {}, self
         return other
 
     @cached_property
@@ -177,8 +177,8 @@ class PreparedMotion:
             return plan
         run, start, kernels, is_constrained = self.run, self.start, self.kernels, choice.method.is_constrained
         is_new = kernels.backend != "c" or (start.partitions and run.settings.engine in EMITTED)  # which may be refused
-        if self._kin and is_constrained and not is_new:
-            common = self._kin.plan(choice)
+        if self._sibling and is_constrained and not is_new:
+            common = self._sibling.plan(choice)
             plan = self._plans[choice] = common._replace(task=common.task.with_velocities(start.qd))
             return plan
         known = run.settings, choice, kernels.effort, self.given_breaks is None

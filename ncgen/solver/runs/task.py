@@ -48,7 +48,7 @@ class Task:
     conditions: of events, and of the stop, at the first of which C ends this part of the run; first_step: what C tries first (s), 0 for its
         own choice
     inspected: ascending numbers of the instants at which C inspects a run over the whole grid, None where it does not
-    kin: None, or a task that differs in its velocities alone, whose runs in C this one may take
+    sibling: None, or a task that differs in its velocities alone, whose runs in C this one may take
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -74,7 +74,7 @@ class Task:
     conditions: Conditions | None = None
     first_step: float = 0.0
     inspected: np.ndarray | None = None
-    kin: Task | None = None
+    sibling: Task | None = None
 
     def rank_at(self, kernels: Kernels, q: np.ndarray, t: float) -> int:
         """The rank of Φ_q where the run, or what is left of it, begins: at q (n,) and t (s), unless it is known already."""
@@ -126,7 +126,7 @@ class Task:
 
     def with_velocities(self, velocities: np.ndarray) -> Task:
         """The same from other velocities at the same start; runs in C take the rest from this task."""
-        return self.begun(velocities=velocities, kin=self)
+        return self.begun(velocities=velocities, sibling=self)
 
     def again(self, grid: np.ndarray, progress: Callable[[float], None] | None) -> Task:
         """The same for a run with these numbers once more; grid: of the same times, which this run may move."""
