@@ -45,7 +45,7 @@ def same(name: str, last: np.ndarray, work: float) -> None:
 def test_c_is_our_own_run(tmp_path, name):
     """Times at which it hits, sticks, slips and turns, and the state at the end."""
     _, times, end = expected(name)
-    events, last, _, stopped, said = run_in_c(MODELS[name](), tmp_path, end, 1e-13, flags="-O1")
+    events, last, _, stopped, said = run_in_c(MODELS[name](), tmp_path, end, 1e-13)
     assert said == "ok" and not stopped
     assert [row[0] for row in events if row[0] > 0] == pytest.approx(times, rel=1e-9, abs=1e-11)
     same(name, last, last[-1])

@@ -236,7 +236,7 @@ def test_c_is_our_own_run(tmp_path, name):
     """Times of events, and the state at the end."""
     model = MODELS[name]()
     run, end = own_run(model)
-    events, last, _, stopped, said = run_in_c(model, tmp_path, end, 1e-13, flags="-O1")
+    events, last, _, stopped, said = run_in_c(model, tmp_path, end, 1e-13)
     assert said == "ok" and not stopped
     times = sorted({each.t for each in run.events if 0 < each.t < end})
     assert [row[0] for row in events if row[0] > 0] == pytest.approx(times, rel=1e-9)

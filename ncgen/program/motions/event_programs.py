@@ -173,12 +173,25 @@ def _together(graph: Graph, loads: Sequence[int]) -> int:
 
 
 def terms_of(expression: Scalar) -> sympy.Expr:
-    """The sum of the sizes of the terms of an expression; those of a polynomial that is not long are its monomials."""
+    """The sum of the sizes of the terms of an expression; of one that is not long, those into which its products could be multiplied out:
+    of a (b − c) it is |a| (|b| + |c|)."""
     import sympy
 
     formula = sympy.sympify(expression)
-    terms = sympy.Add.make_args(formula if formula.count_ops() > MAX_POLYNOMIAL_OPERATIONS else sympy.expand(formula))
-    return sympy.Add(*(sympy.Abs(term) for term in terms))
+    if formula.count_ops() <= MAX_POLYNOMIAL_OPERATIONS:
+        return _size(formula)
+    return sympy.Add(*(sympy.Abs(term) for term in sympy.Add.make_args(formula)))
+
+
+def _size(formula: sympy.Expr) -> sympy.Expr:
+    """An expression with the sizes of its terms for these, so that none takes another away."""
+    import sympy
+
+    if formula.is_Add or formula.is_Mul:
+        return formula.func(*map(_size, formula.args))
+    if formula.is_Pow and formula.exp.is_Integer and formula.exp > 0:
+        return _size(formula.base) ** formula.exp
+    return sympy.Abs(formula)
 
 
 def degree_of(expression: Scalar, moving: set[str]) -> int | None:

@@ -7,10 +7,10 @@
  */
 #include "ncgen_constrained.h"
 #include "ncgen_jacobian.h"
-#include "ncgen_partitioning.h"
 #include "ncgen_positive.h"
 #include "ncgen_solution.h"
 #ifndef NCGEN_WITHOUT_PARTITIONING
+#include "ncgen_partitioning.h"
 #endif
 
 void ncgen_linearisation_layout(ncgen_run *r, ncgen_linearisation *w)
