@@ -15,7 +15,7 @@ static inline void ncgen_shift_wrench(const ncgen_real *d, ncgen_real *wrench)
     ncgen_add_cross(d, wrench + 3, wrench);
 }
 
-/* What is ncgen_tree_carried to a link, and its own body's. */
+/* What is carried to a link, and its own body's. */
 static inline void ncgen_tree_add_body(const ncgen_tree_link *own, const ncgen_tree_carried *from, ncgen_tree_carried *to)
 {
     const ncgen_real *lane = own->lane, *inertia = from->inertia, *before = from->wrench, mass = lane[MASS * NCGEN_LINK_LANES];

@@ -70,7 +70,7 @@ int ncgen_tree_keep_first(const ncgen_run *r, ncgen_tree_work *w, const ncgen_re
 }
 
 /* How far every joint has come since the first position: for a screw the amount, and of a turn sine and 1 - cosine. */
-static void find_travels(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *q)
+static void find_travels(ncgen_tree_work *w, const ncgen_real *q)
 {
     const int n_screws = w->tree->n_screws;
     ncgen_real *travel = w->travel, *half = travel + n_screws, *sine = half + n_screws, *cosine = sine + n_screws;
@@ -132,7 +132,7 @@ void ncgen_tree_place_all(const ncgen_run *r, ncgen_tree_work *w, const ncgen_re
     static const ncgen_real unturned[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};
     const ncgen_tree *tree = w->tree;
     ncgen_real turn[12];
-    find_travels(r, w, q);
+    find_travels(w, q);
     for (int link = 0; link < tree->n_links; ++link) {
         const int parent = tree->parent[link];
         if (link == 0 || parent != link - 1)

@@ -1,9 +1,17 @@
 /* ncgen_tree_records.c: the tables of an open tree as records, which every evaluation reads one after the other, and the masses in them. */
 #include "ncgen_tree_records.h"
 
+/* Room that begins with a line of the cache, whatever stands in it. */
+static void *take_lines(ncgen_space *space, int count)
+{
+    enum { LINE = 64 };
+    char *part = (char *)ncgen_take(space, count + LINE / (int)sizeof(ncgen_real));
+    return part ? part + (LINE - (size_t)part % LINE) % LINE : NULL;
+}
+
 static ncgen_real *take_records(ncgen_space *space, int count, size_t size)
 {
-    return ncgen_take(space, count * (int)(size / sizeof(ncgen_real)));
+    return (ncgen_real *)take_lines(space, count * (int)(size / sizeof(ncgen_real)));
 }
 
 /* The slot of a member of a link's body: that of an element that stands with the link, or of the next other one. */
@@ -34,12 +42,9 @@ static int count_slots(const ncgen_tree *tree, int first, int *n_own)
     return *n_own + most;
 }
 
-/* Lanes begin with a line of the cache. */
 static ncgen_link_lanes *take_lanes(ncgen_space *space, int count)
 {
-    enum { LINE = 64 };
-    char *part = (char *)ncgen_take(space, count * NCGEN_LINK_LANES + LINE / (int)sizeof(ncgen_real));
-    return part ? (ncgen_link_lanes *)(part + (LINE - (size_t)part % LINE) % LINE) : NULL;
+    return (ncgen_link_lanes *)take_lines(space, count * NCGEN_LINK_LANES);
 }
 
 /* Slots of what belongs to no element: measured coordinates. */

@@ -264,7 +264,7 @@ void ncgen_tree_begin_pushes(ncgen_tree_work *w)
         w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
 }
 
-/* The pushes of any joint, which takes its part of what is ncgen_tree_carried to its link, and what its parent gets. */
+/* The pushes of any joint, which takes its part of what is carried to its link, and what its parent gets. */
 static void push_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncgen_real *passed)
 {
     const ncgen_tree_link *own = w->link + link;
