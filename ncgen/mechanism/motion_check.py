@@ -70,7 +70,7 @@ class _Check:
         kernels, n = self.kernels, self.kernels.n
         jacobian, mass = kernels.jacobian(q), kernels.mass_matrix(q)
         v, others = self._velocities(q), [self._velocities(q) for _ in range(2)]
-        qdd = self._called("derivative", 2 * n + 2, q, v)[n : 2 * n]
+        qdd = self._called("derivative", 2 * n + 2, q, v)[n + 1 : -1]
         force, allowed = kernels.force(q, v), others[0] - others[1]
         sizes = np.abs(mass) @ self._usual(qdd) + np.abs(force)
         works = np.abs(allowed @ (mass @ qdd - force)) <= AGREEMENT * (self._usual(allowed) @ sizes)

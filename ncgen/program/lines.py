@@ -15,8 +15,8 @@ from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.assemble import parts_of, place_of
 from ncgen.program.binding import BoundTerm, Derived, Reference, bind
 from ncgen.program.ir.angles import share_angles
-from ncgen.program.ir.blocks import Leading, Program, written
-from ncgen.program.ir.cut import cut
+from ncgen.program.ir.blocks import Phases, Program, written
+from ncgen.program.ir.cut import cut, cut_into_phases
 from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value
@@ -91,16 +91,17 @@ class Lines:
         """A program that writes these nodes one after the other."""
         return line(self.graph, name, inputs, outputs, self.equations)
 
-    def draft(self, name: str, inputs: tuple[str, ...], outputs: Sequence[int], leading: Leading | None = None) -> Program:
-        """The same as it was written, for `prepared.take_out` to finish. leading: as of `Program`"""
+    def draft(self, name: str, inputs: tuple[str, ...], outputs: Sequence[int], phases: Phases | None = None) -> Program:
+        """The same as it was written, for `prepared.take_out` to finish. phases: as of `Program`"""
         block = dead_code(written(self.graph, name, outputs))
-        return Program(name=name, inputs=inputs, output=name, size=len(outputs), blocks=(block,), leading=leading)
+        return Program(name=name, inputs=inputs, output=name, size=len(outputs), blocks=(block,), phases=phases)
 
 
 def line(
-    graph: Graph, name: str, inputs: tuple[str, ...], outputs: Sequence[int], equations: Terms, leading: Leading | None = None
+    graph: Graph, name: str, inputs: tuple[str, ...], outputs: Sequence[int], equations: Terms, phases: Phases | None = None
 ) -> Program:
-    """A program in one straight line that writes nodes of a graph one after the other. leading: as of `Program`"""
+    """A program in one straight line that writes nodes of a graph one after the other. phases: as of `Program`"""
     names = {k: load_name(*op.input, equations) for k, op in enumerate(graph.ops) if op.code == "load"}
     block = finish(replace(written(graph, name, outputs), names=names))
-    return cut(share_angles(Program(name=name, inputs=inputs, output=name, size=len(outputs), blocks=(block,), leading=leading)))
+    program = share_angles(Program(name=name, inputs=inputs, output=name, size=len(outputs), blocks=(block,), phases=phases))
+    return cut_into_phases(program) if phases else cut(program)

@@ -91,7 +91,7 @@ def test_velocities_of_an_open_tree_are_those_of_either_recursion():
     """A projection, twice the same, whose rest has no momentum along what the joints allow."""
     kernels, (equations, angles, found) = given(example_module("arm").build(3))
     motions = RecursiveMotions(equations, found, kernels.column_sizes)
-    ways = {name: motions.projected(name) for name in motions.derivatives()}
+    ways = {name: motions.velocities(name) for name in motions.derivatives()}
     assert set(ways) == {"articulated", "composite"}
     q, rng = found[0].q, np.random.default_rng(6)
 

@@ -10,8 +10,8 @@ import pytest
 from ncgen.compiler import compile, generate
 from ncgen.exchange.examples import load
 from ncgen.program.ir import cut as cutting
-from ncgen.program.ir.blocks import Leading, Loop, Program, Slot, Store, Straight, TableStore
-from ncgen.program.ir.cut import CUT_ARRAY, cut
+from ncgen.program.ir.blocks import Loop, Phases, Program, Slot, Store, Straight, TableStore
+from ncgen.program.ir.cut import CUT_ARRAY, cut, cut_into_phases
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph, Op
@@ -65,23 +65,37 @@ def test_what_lies_in_the_output_is_kept_nowhere_else(monkeypatch):
     assert evaluate(parts, {"q": q}) == links[1:]
 
 
-@pytest.mark.parametrize("longest", [7, 400])
-@pytest.mark.parametrize("leading", [1, 5, 20])
-def test_leading_outputs_alone(monkeypatch, longest, leading):
-    """The first blocks compute them, and write nothing else, though what they compute is an output once more, and a constant is."""
+def phased() -> Program:
+    """A draft whose phases have operations in common, and outputs that are constants, inputs, and results of other phases."""
+    graph = Graph()
+    q, x = ([graph.load(array, k) for k in range(5)] for array in ("q", "rates"))
+    common = [graph.mul(a, b) for a, b in zip(q, q[1:], strict=False)]
+    measured = [q[0], common[1], graph.add(common[2], q[4])]
+    corrected = [graph.sub(node, graph.mul(graph.mul(common[0], common[3]), q[2])) for node in measured]
+    first = [x[0], graph.mul(x[1], common[0]), graph.const(0.0), common[1]]
+    others = [graph.mul(first[1], x[2]), common[1], graph.const(0.0), corrected[1], graph.add(common[2], x[1])]
+    stores = tuple(Store(array="out", index=k, node=node) for k, node in enumerate([*measured, *corrected, *first, *others]))
+    block = finish(Straight(tuple(graph.ops), stores))
+    return Program(name="out", inputs=("q", "rates"), output="out", size=len(stores), blocks=(block,), phases=Phases(3, 4))
+
+
+@pytest.mark.parametrize("longest", [1, 3, 400])
+def test_three_programs_consist_of_phases(monkeypatch, longest):
+    """All, the leading outputs alone, which write nothing else, and without corrections; each reads what the one before has left."""
     monkeypatch.setattr(cutting, "MAX_OPERATIONS", longest)
-    whole = program(0)
-    (block,) = whole.blocks
-    again = [Store(array="out", index=whole.size + k, node=block.stores[j].node) for k, j in enumerate((0, leading - 1, whole.size - 2))]
-    block = replace(block, stores=(*block.stores, *again))
-    whole = replace(whole, size=whole.size + 3, blocks=(block,), leading=Leading("first", leading))
-    parts = cut(whole)
-    verify(parts, {"q": 5})
-    verify(parts.beginning, {"q": 5})
+    draft = phased()
+    parts = cut_into_phases(draft)
     q = [0.3, -1.2, 0.7, 2.0, -0.4]
-    assert evaluate(parts, {"q": q}) == evaluate(whole, {"q": q})
-    assert evaluate(parts.beginning, {"q": q}) == evaluate(whole, {"q": q})[:leading]
-    assert parts.beginning.name == "first" and len(parts.beginning.blocks) < len(parts.blocks)
+    drafted = evaluate(draft, {"q": q, "rates": [0.0] * 5})
+    measured, corrected = drafted[:3], drafted[3:6]
+    assert measured != corrected
+    for program, rates in ((parts, corrected), (parts.beginning, corrected), (parts.uncorrected, measured)):
+        verify(program, {"q": 5})
+        expected = evaluate(draft, {"q": q, "rates": [*rates, 0.0, 0.0]})[6:]
+        assert evaluate(program, {"q": q}) == expected[: program.size]
+    assert (parts.size, parts.beginning.size, parts.inputs) == (9, 4, ("q",))
+    reordered = parts.reordered([8, *range(8)])
+    assert evaluate(reordered, {"q": q}) == [*evaluate(parts, {"q": q})[1:], evaluate(parts, {"q": q})[0]]
     assert cut(parts) is parts
 
 

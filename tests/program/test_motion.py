@@ -106,6 +106,11 @@ def test_velocities_are_the_beginning_of_the_projected_derivative_in_c(name):
     assert motion.projected(0.0, q, qd, p, both) == motion.velocities(0.0, q, qd, p, alone) == 0
     assert list(alone) == [*both[0 : n + 1], *[-7.0] * (n + 2)]
     assert both[2 * n + 2] == -7.0
+    again, there = ffi.new("double[]", 2 * n + 2), ffi.new("double[]", list(both)[:n])
+    assert motion.derivative(0.0, q, there, p, again) == 0
+    sizes = np.concatenate([kernels.column_sizes, [1.0], kernels.column_sizes, [1.0]])
+    scaled = [np.array(list(x)[: 2 * n + 2]) / sizes for x in (both, again)]
+    assert np.max(np.abs(scaled[0] - scaled[1])) < 1e-10 * np.max(np.abs(scaled[0]))
 
 
 @pytest.mark.parametrize("name", WITH_TREES)

@@ -63,24 +63,21 @@ class C(Spelling):
             record["blocks"][number]["part"] = self._part(program, number) if is_apart else None
         return record | {
             "function": f"{self.prefix}_{program.name}",
-            "leading": self._leading(program),
+            "phases": self._phases(program),
             "angles": self._angles(program.angles),
             "unused": [a for a in program.inputs if a not in _read(program)],
         }
 
-    def _leading(self, program: Program) -> Record | None:
-        """The function that finds the leading outputs alone, and how many blocks it runs; None where there are no such."""
-        if (alone := program.beginning) is None:
+    def _phases(self, program: Program) -> Record | None:
+        """Where the phases of a program end, and how many operations those of which others consist have; None where it has none."""
+        if program.phases is None:
             return None
-        operations = cost(alone)
         return {
-            "name": alone.name,
-            "function": f"{self.prefix}_{alone.name}",
-            "inputs": alone.inputs,
-            "output": alone.output,
-            "blocks": len(alone.blocks),
-            "operations": operations.total,
-            "calls": operations.calls,
+            "ends": program.phases.ends,
+            "coordinates": program.phases.leading - 1,
+            "operations": {
+                name: cost(each).total for name, each in (("velocities", program.beginning), ("derivative", program.uncorrected))
+            },
         }
 
     def _part(self, program: Program, number: int) -> Record:

@@ -26,6 +26,9 @@ MAX_STATEMENTS_PER_FILE = 4000
 """Statements of a motion's programs above which each is a file, so that compilers work on them side by side: they take two seconds for so
 many."""
 
+MAX_STATEMENTS_OF_PARTS = MAX_STATEMENTS_PER_FILE // 2
+"""Statements of a file with blocks of a program: two compilers share those of an arm of seven hinges."""
+
 DIFFERENTIATED = {"tangent": "along a direction", "adjoint": "transposed"}
 
 
@@ -65,14 +68,30 @@ def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = Fals
     """{file name: text}: the motion of all coordinates, for the runtime to integrate; long programs in files of their own. forced: the
     derivative takes forces as one more input; numbers: as of `model_files`."""
     prefix = prefix_of(equations.model.name)
-    in_files = sum(program.length for program in programs.all) > MAX_STATEMENTS_PER_FILE
+    in_files = sum(program.length for program in programs.emitted) > MAX_STATEMENTS_PER_FILE
     files: dict[str, str] = {}
-    for program in programs.all if in_files else ():
+    for program in programs.emitted if in_files else ():
         records = program_records((program,), prefix, program.name, numbers)
-        files[f"{prefix}_{program.name}.c"] = render("c/recursion_kernel.c.jinja", **records)
+        others = {} if program.phases is None else _parts_files(program, records)
+        files |= others | {f"{prefix}_{program.name}.c": render("c/recursion_kernel.c.jinja", are_declared=bool(others), **records)}
     records = {"model": equations.model, "prepared": programs.prepared, "in_files": in_files, "forced": forced}
-    records |= program_records(programs.all, prefix, "recursion", numbers)
+    records |= program_records(programs.emitted, prefix, "recursion", numbers)
     return files | {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
+
+
+def _parts_files(program: Program, records: Record) -> dict[str, str]:
+    """{file name: text}: the blocks of a program in phases, about as many statements in each file; none of one whose blocks read tables."""
+    if records["index_tables"] or records["number_tables"]:
+        return {}
+    (kernel,) = records["kernels"]
+    count = -(-program.length // MAX_STATEMENTS_OF_PARTS)
+    file_of = [sum(len(block.ops) for block in program.blocks[:k]) * count // program.length for k in range(len(program.blocks))]
+    files: dict[str, str] = {}
+    for number_of_file in range(count):
+        name = f"{kernel['function']}_parts{number_of_file + 1}"
+        blocks = [block for block, home in zip(kernel["blocks"], file_of, strict=True) if home == number_of_file]
+        files[f"{name}.c"] = render("c/recursion_parts.c.jinja", name=name, prefix=records["prefix"], blocks=blocks)
+    return files
 
 
 def seeded_files(programs: MotionPrograms, equations: Terms, kind: str) -> dict[str, str]:

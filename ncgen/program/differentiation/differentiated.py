@@ -51,7 +51,7 @@ def adjoint_of(program: Program, equations: Terms, outputs: int, prepared: int =
 def reads(program: Program, equations: Terms, prepared: int = 0) -> dict[str, int]:
     """{array: length} of what a program reads."""
     n = len(equations.free)
-    lengths = {"t": 1, "q": n, "qd": n, "qdd": n, "forces": n, "p": len(equations.parameters) + prepared}
+    lengths = {"t": 1, "q": n, "qd": n, "qdd": n, "forces": n, "rates": n, "p": len(equations.parameters) + prepared}
     return {array: lengths[array] for array in program.inputs}
 
 

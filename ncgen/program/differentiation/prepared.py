@@ -35,7 +35,7 @@ def take_out(drafts: Sequence[Program], equations: Terms) -> tuple[Program | Non
     index = {node: len(equations.parameters) + k for k, node in enumerate(frontier)}
     for draft, nodes in zip(drafts, outputs, strict=True):
         rest, new = _without(graph, nodes, index)
-        made.append(line(rest, draft.name, draft.inputs, [new[node] for node in nodes], equations, draft.leading))
+        made.append(line(rest, draft.name, draft.inputs, [new[node] for node in nodes], equations, draft.phases))
     return line(graph, "prepared", ("p",), frontier, equations) if frontier else None, made
 
 

@@ -7,14 +7,14 @@ list of operations `count` times; its slots say where each run reads, its stores
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
-from ncgen.program.ir.graph import Graph, Op
+from ncgen.program.ir.graph import ArrayElement, Graph, Op
 
 AnyStore = TypeVar("AnyStore", "Store", "TableStore")
 
@@ -110,11 +110,18 @@ class Loop:
 Block: TypeAlias = Straight | Loop
 
 
-class Leading(NamedTuple):
-    """The first outputs of a program as one of their own: its name, and how many they are."""
+class Phases(NamedTuple):
+    """How a program is cut into blocks of which several programs consist.
 
-    name: str
-    size: int
+    The first phase finds what the second and the later ones need, and numbers in the temporary `rates`; the second one puts others in their
+    place, from which the third finds the first `leading` outputs, and the last one all others.
+
+    rates: how many there are; ends: behind which block each of the first three phases ends, once it is cut
+    """
+
+    rates: int
+    leading: int
+    ends: tuple[int, int, int] = (0, 0, 0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +132,7 @@ class Program:
     output: name of the array it writes, `size` its length
     temporaries: {name: length} of local arrays
     angles: positions in q whose sines and cosines fill the arrays `sine` and `cosine` before the first block
-    leading: first outputs that blocks of their own compute, before all others, so that they can be had alone
+    phases: of several programs in one
     """
 
     name: str
@@ -135,7 +142,7 @@ class Program:
     blocks: tuple[Block, ...]
     temporaries: dict[str, int] = field(default_factory=dict, compare=False)
     angles: tuple[int, ...] = ()
-    leading: Leading | None = None
+    phases: Phases | None = None
 
     def __repr__(self) -> str:
         return f"<Program {self.name}: {self.size} numbers, {self.length} statements>"
@@ -146,14 +153,31 @@ class Program:
         return sum(len(block.ops) for block in self.blocks)
 
     @property
-    def beginning(self) -> Program | None:
-        """The leading outputs alone."""
-        if self.leading is None:
-            return None
-        name, size = self.leading
-        writes = [any(s.array == self.output and min(s.table) < size for s in block.stores) for block in self.blocks]
-        count = max((number for number, is_leading in enumerate(writes, 1) if is_leading), default=0)
-        return replace(self, name=name, size=size, blocks=self.blocks[:count], leading=None)
+    def beginning(self) -> Program:
+        """The leading outputs of a program with phases alone."""
+        assert self.phases is not None, "a program without phases"
+        return replace(self, size=self.phases.leading, blocks=self.blocks[: self.phases.ends[2]], phases=None)
+
+    @property
+    def uncorrected(self) -> Program:
+        """All outputs of a program with phases, without the second one."""
+        assert self.phases is not None, "a program without phases"
+        first, second, _ = self.phases.ends
+        return replace(self, blocks=self.blocks[:first] + self.blocks[second:], phases=None)
+
+    def reordered(self, order: Sequence[int]) -> Program:
+        """The same outputs in other order: what was in k is in order[k]. For programs without loops."""
+
+        def moved(op: Op) -> Op:
+            is_own = op.code == "load" and op.input.array == self.output
+            return Op("load", (), ArrayElement(self.output, order[op.input.position])) if is_own else op
+
+        blocks: list[Block] = []
+        for block in self.blocks:
+            assert isinstance(block, Straight), "a straight line"
+            stores = [replace(s, index=order[s.index]) if s.array == self.output else s for s in block.stores]
+            blocks.append(replace(block, ops=tuple(map(moved, block.ops)), stores=tuple(stores)))
+        return replace(self, blocks=tuple(blocks))
 
     @property
     def is_constant(self) -> bool:

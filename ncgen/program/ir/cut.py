@@ -11,53 +11,102 @@ from bisect import bisect_left, bisect_right
 from dataclasses import replace
 from typing import TypeGuard
 
-from ncgen.program.ir.blocks import Block, Loop, Program, Store, Straight
+from ncgen.program.ir.blocks import Block, Program, Store, Straight
 from ncgen.program.ir.graph import ArrayElement, Op
 
 MAX_OPERATIONS = 400
 """Operations of a block: a humanoid's motion is compiled in three quarters of the time that 800 take, and has no more instructions."""
 
 CUT_ARRAY = "kept"
+RATES = "rates"
+"""The temporary that phases of a program hand over."""
 
 
 def cut(program: Program) -> Program:
-    """The program with its straight lines cut where they are more than twice as long as MAX_OPERATIONS, and behind its leading outputs;
-    loops, and what was cut, stay."""
-    if CUT_ARRAY in program.temporaries or not (program.leading or any(map(_is_long, program.blocks))):
+    """The program with its straight lines cut where they are more than twice as long as MAX_OPERATIONS; loops, and what was cut, stay."""
+    if CUT_ARRAY in program.temporaries or not any(map(_is_long, program.blocks)):
         return program
     blocks: list[Block] = []
     most = 1  # C has no empty arrays
     for block in program.blocks:
-        if isinstance(block, Loop) or not (program.leading or _is_long(block)):
+        if not _is_long(block):
             blocks.append(block)
             continue
-        plan = _Cuts(block, program.output, program.leading.size if program.leading else 0)
+        plan = _Plan(block, _parts(len(block.ops), 0))
         blocks += [_block(plan, number) for number in range(plan.count)]
         most = max(most, plan.size)
     return replace(program, blocks=tuple(blocks), temporaries={**program.temporaries, CUT_ARRAY: most})
+
+
+def cut_into_phases(program: Program) -> Program:
+    """A program of one straight line with its phases in blocks of their own. Its first outputs are the rates that the first phase finds,
+    then those that the second one puts in their place."""
+    phases, (block,) = program.phases, program.blocks
+    assert phases is not None and isinstance(block, Straight), "a straight line with phases"
+    stores, phase_of_store = [], []
+    for store in block.stores:
+        phase, index = divmod(store.index, phases.rates) if store.index < 2 * phases.rates else (2, store.index - 2 * phases.rates)
+        phase_of_store.append(phase if phase < 2 or index < phases.leading else 3)
+        stores.append(replace(store, array=RATES if phase < 2 else store.array, index=index))
+    phase_of = _phases(block, phase_of_store)
+    order = sorted(range(len(block.ops)), key=phase_of.__getitem__)
+    new = {node: k for k, node in enumerate(order)}
+    block = replace(
+        block,
+        ops=tuple([block.ops[node].renumbered(new) for node in order]),
+        stores=tuple([store.of(new[store.node]) for store in stores]),
+        names={new[node]: name for node, name in block.names.items()},
+    )
+    block_of: list[int] = []
+    begins = []
+    for phase in range(4):
+        begins.append(block_of[-1] + 1 if block_of else 0)
+        block_of += _parts(phase_of.count(phase), begins[-1])
+    plan = _Plan(block, block_of, [begins[phase] for phase in phase_of_store])
+    return replace(
+        program,
+        size=program.size - 2 * phases.rates,
+        blocks=tuple([_block(plan, number) for number in range(plan.count)]),
+        temporaries={**program.temporaries, RATES: max(phases.rates, 1), CUT_ARRAY: max(plan.size, 1)},
+        inputs=tuple(name for name in program.inputs if name != RATES),
+        phases=phases._replace(ends=(begins[1], begins[2], begins[3])),
+    )
+
+
+def _phases(block: Straight, phase_of_store: list[int]) -> list[int]:
+    """The phase of every operation: the first has what both the second and later ones need, and what its own outputs do."""
+    needed = [bytearray(len(block.ops)) for _ in range(4)]
+    for store, phase in zip(block.stores, phase_of_store, strict=True):
+        needed[phase][store.node] = 1
+    for node in range(len(block.ops) - 1, -1, -1):
+        for each in needed:
+            if each[node]:
+                for a in block.ops[node].args:
+                    each[a] = 1
+    first, second, third, _ = needed
+    last = needed[3]
+    return [
+        0 if first[k] or (second[k] and (third[k] or last[k])) else 1 if second[k] else 2 if third[k] else 3 for k in range(len(block.ops))
+    ]
 
 
 def _is_long(block: Block) -> TypeGuard[Straight]:
     return isinstance(block, Straight) and len(block.ops) > 2 * MAX_OPERATIONS
 
 
-class _Cuts:
+class _Plan:
     """Where a straight line is cut: blocks are about equally long, and operations stay in their order.
 
     block_of: the number of the block that computes every operation; count: how many there are
-    store_block: the block of every store, which is that of its operation unless others are to be had without it
+    store_block: the block of every store: that of its operation, or the least that is given
     elements, size: {operation: where it lies} of what later blocks read, and how many places `kept` has
     """
 
-    def __init__(self, block: Straight, output: str, leading: int) -> None:
-        self.block = block
-        leads = [store.array == output and store.index < leading for store in block.stores]
-        nodes = [store.node for store, is_leading in zip(block.stores, leads, strict=True) if is_leading]
-        before = 1 + max(nodes, default=-1)
-        self.block_of = [*_parts(before, 0), *_parts(len(block.ops) - before, -(-before // MAX_OPERATIONS))]
-        first = [0 if is_leading else -(-before // MAX_OPERATIONS) for is_leading in leads]
-        self.store_block = [max(self.block_of[store.node], least) for store, least in zip(block.stores, first, strict=True)]
-        self.count = 1 + max(self.block_of[-1], *self.store_block)
+    def __init__(self, block: Straight, block_of: list[int], least: list[int] | None = None) -> None:
+        self.block, self.block_of = block, block_of
+        least = least or [0] * len(block.stores)
+        self.store_block = [max(block_of[store.node], each) for store, each in zip(block.stores, least, strict=True)]
+        self.count = 1 + max(block_of[-1], *self.store_block)
         self.elements, self.size = self._places()
 
     def _places(self) -> tuple[dict[int, ArrayElement], int]:
@@ -71,7 +120,7 @@ class _Cuts:
                 last[node] = max(last.get(node, 0), number)
 
         for store, number in zip(block.stores, self.store_block, strict=True):
-            if not store.accumulate and number == block_of[store.node]:
+            if not store.accumulate and number == block_of[store.node] and store.array != RATES:
                 written[store.node] = ArrayElement(store.array, store.index)
             reads(store.node, number)
         for node, op in enumerate(block.ops):
@@ -99,7 +148,7 @@ def _parts(length: int, begun: int) -> list[int]:
     return [begun + k * count // length for k in range(length)]
 
 
-def _block(plan: _Cuts, number: int) -> Straight:
+def _block(plan: _Plan, number: int) -> Straight:
     """One of the blocks: its own operations, with loads of what they read from others; leaves are read anew in every block."""
     block, block_of, elements = plan.block, plan.block_of, plan.elements
     ops: list[Op] = []

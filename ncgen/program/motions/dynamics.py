@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, MutableSequence, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -41,7 +41,7 @@ from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.motions.motion import RecursiveMotions
+from ncgen.program.motions.motion import RecursiveMotions, as_projected, derivative_of
 from ncgen.program.motions.sliding_derivatives import with_friction
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions, is_described
@@ -83,7 +83,8 @@ class DynamicsPrograms:
 class MotionPrograms:
     """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ].
 
-    projected: gives what velocities gives, and the accelerations there: [q̇ (n), growth, q̈ (n), power]; None where forces of others act
+    projected: gives what velocities gives, and the accelerations there: [q̇ (n), growth, q̈ (n), power], in phases of which derivative and
+        velocities consist; None where forces of others act
     prepare: gives what depends on parameters alone, which the others read behind p; None where nothing does
     is_general: whether all of their numbers come from the equations, and none from samples of positions
     """
@@ -102,8 +103,14 @@ class MotionPrograms:
 
     @property
     def all(self) -> tuple[Program, ...]:
-        """The programs that contain all others."""
-        parts = (self.derivative, self.projected or self.velocities, self.closing)
+        parts = (self.derivative, self.velocities, self.closing)
+        return (*parts, self.prepare) if self.prepare else parts
+
+    @property
+    def emitted(self) -> tuple[Program, ...]:
+        """The programs that a motion is printed from: `projected` contains others, and a derivative has its order."""
+        moving = (self.projected,) if self.projected else (as_projected(self.derivative), self.velocities)
+        parts = (*moving, self.closing)
         return (*parts, self.prepare) if self.prepare else parts
 
 
@@ -146,20 +153,20 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
         motions, n = RecursiveMotions(equations, samples, np.asarray(sizes), forced), len(equations.free)
         ways = motions.derivatives()
         way = cheapest(ways)
-        parts = (ways[way], motions.projected(way), closing(equations, split, samples, sizes, range(n)))
+        moving = (ways[way], motions.velocities(way)) if forced else (motions.projected(way),)
+        parts = (*moving, closing(equations, split, samples, sizes, range(n)))
     except (NoRecursion, EliminationError, SingularError):
         return None
-    prepare, (derivative, projected, closed) = take_out(parts, equations)
-    velocities = projected.beginning
+    prepare, (*made, closed) = take_out(parts, equations)
     motion = MotionPrograms(
-        derivative=derivative,
-        velocities=velocities or projected,
+        derivative=made[0] if forced else derivative_of(made[0]),
+        velocities=made[1] if forced else replace(made[0].beginning, name="velocities"),
         closing=closed,
-        projected=projected if velocities else None,
+        projected=None if forced else made[0],
         prepare=prepare,
         is_general=is_described(equations, samples[0]),
     )
-    for program in motion.all:
+    for program in (*motion.all, *motion.emitted):
         verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + motion.prepared})
     return motion
 

@@ -16,11 +16,13 @@ bad one.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ncgen.program.algebra.elimination import times
-from ncgen.program.ir.blocks import Leading, Program
+from ncgen.program.ir.blocks import Phases, Program
+from ncgen.program.ir.cut import RATES
 from ncgen.program.ir.sampling import Sample, roughly
 from ncgen.program.tree.recursion import Column, Recursion
 from ncgen.program.tree.tree_motion import Loads
@@ -43,25 +45,44 @@ class RecursiveMotions:
         """`derivative` by the name of its recursion."""
         return {name: self._derivative(zdd) for name, zdd in self.work.ways()}
 
+    def velocities(self, way: str) -> Program:
+        """`velocities` by one of these."""
+        work = self.work
+        moved = work.at_speeds(self._corrected(way))
+        return work.lines.draft("velocities", STATE, [*moved.lines.rates, _growth(work)])
+
     def projected(self, way: str) -> Program:
-        """`projected` by one of these; with forces, which are known for the velocities that are given only, `velocities`.
+        """`projected` by one of these, with phases: joint velocities are measured, corrected, and all else follows from them.
 
         Both have inertias and their factors in common, and joint velocities are not measured again.
         """
-        work = self.work
-        changes = work.solve(way, _momentum(work))
-        moved = work.corrected(changes)
-        leading = [*moved.lines.rates, _growth(work)]
-        if work.forces:
-            return work.lines.draft("velocities", STATE, leading)
+        work, count = self.work, len(self.work.speeds)
+        moved = work.at_speeds([work.graph.load(RATES, k) for k in range(count)])
         zdd = moved.solve(way)
-        outputs = [*leading, *_accelerations(moved, zdd), moved.power(zdd)]
-        return work.lines.draft("projected", STATE, outputs, Leading("velocities", len(leading)))
+        leading = [*moved.lines.rates, _growth(work)]
+        outputs = [*work.speeds, *self._corrected(way), *leading, *_accelerations(moved, zdd), moved.power(zdd)]
+        return work.lines.draft("projected", ("t", "q", "qd", RATES, "p"), outputs, Phases(count, len(leading)))
+
+    def _corrected(self, way: str) -> list[int]:
+        changes = self.work.solve(way, _momentum(self.work))
+        return [self.work.graph.add(speed, change) for speed, change in zip(self.work.speeds, changes, strict=True)]
 
     def _derivative(self, zdd: Sequence[int]) -> Program:
         work = self.work
         outputs = [*work.lines.rates, *_accelerations(work, zdd), work.power(zdd), _growth(work)]
         return work.lines.draft("derivative", FORCED if work.forces else STATE, outputs)
+
+
+def derivative_of(projected: Program) -> Program:
+    """`derivative`, which consists of phases of `projected`."""
+    n = projected.size // 2 - 1
+    return replace(projected.uncorrected.reordered([*range(n), 2 * n + 1, *range(n, 2 * n), 2 * n]), name="derivative")
+
+
+def as_projected(derivative: Program) -> Program:
+    """`derivative` with its outputs in the order of `projected`."""
+    n = derivative.size // 2 - 1
+    return derivative.reordered([*range(n), *range(n + 1, 2 * n + 2), n])
 
 
 def _accelerations(work: Recursion, zdd: Sequence[int]) -> list[int]:

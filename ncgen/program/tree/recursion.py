@@ -179,14 +179,14 @@ class Recursion:
         self.lines.rates[:] = self.over_coordinates(x, velocity.velocity)
         return velocity
 
-    def corrected(self, changes: Sequence[int]) -> Recursion:
-        """The recursion in the same position, with other velocities: changes are added to those of the free rates."""
+    def at_speeds(self, speeds: Sequence[int]) -> Recursion:
+        """The recursion in the same position, with other velocities of the free rates."""
         other = copy(self)
         for depends_on_velocities in ("_mass", "_left"):
             vars(other).pop(depends_on_velocities, None)
         other.lines = copy(self.lines)
         other.lines.rates = list(self.lines.rates)
-        other.speeds = [self.graph.add(speed, change) for speed, change in zip(self.speeds, changes, strict=True)]
+        other.speeds = list(speeds)
         other.velocity = other._move()
         other.bias = other.particular(other._right_sides())
         other.loads = other._loads()

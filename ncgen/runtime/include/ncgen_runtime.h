@@ -16,6 +16,13 @@
 #endif
 #define NCGEN_GAPS (64 * NCGEN_GAP)
 
+/* A part of a long function that stands in another file, and which nothing else calls. */
+#if defined(__GNUC__) && !defined(_WIN32) && !defined(__wasm__)
+#define NCGEN_PART NCGEN_NOINLINE __attribute__((visibility("hidden")))
+#else
+#define NCGEN_PART NCGEN_NOINLINE
+#endif
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -69,9 +76,9 @@ typedef int ncgen_prepare_kernel(const ncgen_real *p, ncgen_real *out);
  * is than usual, is large, the matrix [M Phi_q'; Phi_q -E] is factored instead. What is prepared follows the parameters in the p that
  * the other functions read. */
 typedef struct ncgen_motion {
-    ncgen_velocity_kernel *derivative; /* qd as the joints allow, and qdd (n_coordinates each), power, growth; NULL where it is `forced` */
+    ncgen_velocity_kernel *derivative; /* qd as the joints allow, growth, qdd (n_coordinates each), power; NULL where it is `forced` */
     ncgen_velocity_kernel *velocities; /* the nearest qd that the joints allow, in the sense of kinetic energy, growth */
-    ncgen_velocity_kernel *projected;  /* NULL, or both at once: the nearest qd, growth, qdd there, power */
+    ncgen_velocity_kernel *projected;  /* these and the derivative there, as above; NULL where it is `forced` */
     ncgen_position_kernel *closing;    /* a Newton step: dq (n_coordinates), phi (n_rows), which is 0 where it closes at once */
     ncgen_prepare_kernel *prepare;     /* n_prepared numbers; NULL: none */
     int n_prepared;

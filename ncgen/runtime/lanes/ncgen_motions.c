@@ -126,15 +126,17 @@ static void project_state(run *r, double t, ncgen_real *closed)
 /* [qd, qdd] of a state into stage_derivatives; lanes with pivot growth, or a NaN, are good no more. */
 static ncgen_real derivative(run *r, double t, const ncgen_real *state, ncgen_real *stage_derivatives)
 {
+    const int n = r->n;
     ncgen_real sums[CHAINS] = {{0}}; /* which are numbers where all are */
-    r->motion->derivative(ncgen_splat(t), state, state + r->n, r->p, r->output);
-    ncgen_copy(2 * r->n, r->output, stage_derivatives);
-    for (int i = 0; i < 2 * r->n; ++i)
+    r->motion->derivative(ncgen_splat(t), state, state + n, r->p, r->output);
+    ncgen_copy(n, r->output, stage_derivatives);
+    ncgen_copy(n, r->output + n + 1, stage_derivatives + n);
+    for (int i = 0; i < 2 * n; ++i)
         sums[i % CHAINS] += stage_derivatives[i];
     for (int k = 0; k < CHAINS; ++k)
         r->good &= sums[k] - sums[k] == 0.0;
-    r->good &= r->output[2 * r->n + 1] < max_growth;
-    return r->output[2 * r->n + 1];
+    r->good &= r->output[n] < max_growth;
+    return r->output[n];
 }
 
 /* A step of h from t on, which leaves its states on the tape. */

@@ -191,7 +191,7 @@ void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *
 {
     ncgen_constrained *w = r->constrained;
     if (w->motion && r->external && ncgen_external_forces(r, t, q, qd) != NCGEN_OK)
-        out[2 * r->n + 1] = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
+        out[r->n] = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
     else if (w->motion && r->external)
         w->motion->forced(t, q, qd, r->external, r->p, out);
     else if (w->motion)
@@ -250,38 +250,34 @@ const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen)
     return ncgen_tree_along(r, &r->constrained->tree, chosen);
 }
 
-/* The derivative of the state (q, qd) by the recursion; 0 where its order of elimination is a bad one. */
-static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *yd)
+/* yd of [qd, growth, qdd, power] in w->emitted; 0 where the order of elimination is a bad one. */
+static int take(ncgen_run *r, ncgen_constrained *w, ncgen_real *yd)
 {
-    ncgen_constrained *w = r->constrained;
     const int n = r->n;
-    if (ncgen_read_inputs(r, t) != NCGEN_OK)
-        return 0; /* the same is found again, and reported, on the way by the matrix */
-    ncgen_recursive_derivative(r, t, q, qd, w->emitted);
-    w->pivot_growth = w->emitted[2 * n + 1];
+    w->pivot_growth = w->emitted[n];
     if (ncgen_has_pivot_growth(r, w->pivot_growth))
         return 0;
     ncgen_copy(n, w->emitted, yd + n);
-    ncgen_copy(n, w->emitted + n, yd);
-    yd[2 * n] = w->emitted[2 * n];
-    w->has_phi_q = 0;
+    ncgen_copy(n, w->emitted + n + 1, yd);
+    yd[2 * n] = w->emitted[2 * n + 1];
+    w->is_factored = w->has_phi_q = 0;
     r->statistics->evaluations += 1;
     return 1;
 }
 
-int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd)
+/* The derivative of the state (q, qd) by the recursion; 0 where its order of elimination is a bad one. */
+static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
-    const int n = r->n;
-    if (!w->came_along || ncgen_has_pivot_growth(r, w->emitted[n]))
-        return 0;
-    w->pivot_growth = w->emitted[n];
-    w->is_factored = w->has_phi_q = 0;
-    r->statistics->evaluations += 1;
-    ncgen_copy(n, w->emitted, yd + n);
-    ncgen_copy(n, w->emitted + n + 1, yd);
-    yd[2 * n] = w->emitted[2 * n + 1];
-    return 1;
+    if (ncgen_read_inputs(r, t) != NCGEN_OK)
+        return 0; /* the same is found again, and reported, on the way by the matrix */
+    ncgen_recursive_derivative(r, t, q, qd, w->emitted);
+    return take(r, w, yd);
+}
+
+int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd)
+{
+    return r->constrained->came_along && take(r, r->constrained, yd);
 }
 
 /* Which way the next step goes: all of its stages the same, since off the constraints, where they are, the two differ. */

@@ -183,6 +183,7 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
 {
     const ncgen_tree *tree = w->tree;
     const int n = r->n;
+    ncgen_real *qdd = out + n + 1, *power = qdd + n;
     ncgen_tree_mass_at(r, w, t, q);
     int is_regular = go_outward(r, w, q, qd, out, 1) == NCGEN_OK;
     if (ncgen_forces(r, t, q, out, w->force) != NCGEN_OK)
@@ -194,12 +195,12 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     is_regular &= solve(w);
     ncgen_tree_spread_changes(w);
     ncgen_tree_measure_pushes(w);
-    ncgen_tree_take(r, w, out + n);
+    ncgen_tree_take(r, w, qdd);
     if (tree->n_closing)
-        is_regular &= ncgen_gamma(r, t, q, out, w->gamma) == NCGEN_OK && ncgen_tree_close_loops(r, w, t, w->gamma, out + n);
-    if (ncgen_power(r, t, q, out, out + 2 * n) != NCGEN_OK)
+        is_regular &= ncgen_gamma(r, t, q, out, w->gamma) == NCGEN_OK && ncgen_tree_close_loops(r, w, t, w->gamma, qdd);
+    if (ncgen_power(r, t, q, out, power) != NCGEN_OK)
         is_regular = 0;
-    out[2 * n + 1] = growth_of(w, is_regular && ncgen_is_finite(2 * n, out));
+    out[n] = growth_of(w, is_regular && ncgen_is_finite(n, out) && ncgen_is_finite(n, qdd));
 }
 
 /* Momenta and pivots where nothing acts; 0 where a joint moves nothing. */

@@ -99,7 +99,7 @@ def _whole_call(kernels: Kernels, task: Task, form: Form) -> RunCall:
 def _call(kernels: Kernels, task: Task, form: Form, begun: tuple[int, np.ndarray, np.ndarray]) -> RunCall:
     """The rest of a task over all coordinates in C, but for what it may be looked at by.
 
-    begun: the number of the instant at which it goes on, position and velocities then
+    begun: the number of the instant at which it continues, position and velocities then
     """
     dynamics = all_coordinates(kernels, task.number, form, task.method.integrator.name)
     row, q, qd = begun

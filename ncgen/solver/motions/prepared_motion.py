@@ -171,7 +171,7 @@ class PreparedMotion:
         return np.array(rows) if rows and self.run.settings.number == "double" and not self.run.signals else None
 
     def plan(self, choice: Choice) -> RunPlan:
-        """What carries the run out by the method of a choice, its own or what it goes on with. Raises what the kinds of engines raise."""
+        """Return what carries the run out by the method of a choice, its own or the one that it continues with. Raises ModelError."""
         plan = self._plans.get(choice)
         if plan is not None:
             return plan

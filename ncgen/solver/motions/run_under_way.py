@@ -65,7 +65,7 @@ class Stopwatch:
 class RunUnderWay:
     """One run on its way: the path so far, and which engine makes it.
 
-    choice: of the method that goes on; times: of its rows (s), of which C moves some to where its steps end
+    choice: of the method that continues; times: of its rows (s), of which C moves some to where its steps end
     """
 
     def __init__(self, motion: PreparedMotion, progress: Callable[[float], None] | None) -> None:

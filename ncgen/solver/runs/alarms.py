@@ -40,7 +40,7 @@ class Limits:
     """Up to which what C saw of a motion speaks for it, so that `doubts` has nothing to say.
 
     change: of the energy, relative to the largest kinetic one; remainder: of Φ_q q̇ − ν, relative to the sizes of rows
-    can_tell: False where constraints are held by feedback alone; has_doubts: False where nothing is ever said about the method
+    can_tell: False where constraints are held by feedback alone; has_doubts: False for methods about which `doubts` never reports anything
     """
 
     change: float
@@ -69,7 +69,7 @@ def _has_feedback(method: Method) -> bool:
 
 
 def _limit(tolerances: Tolerances) -> float:
-    """The least relative change of energy that anything is said about."""
+    """The least relative change of energy that is reported."""
     return min(MAX_ENERGY_CHANGE, math.sqrt(tolerances.rtol))
 
 
