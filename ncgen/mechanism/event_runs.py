@@ -235,7 +235,8 @@ class EventRuns:
     def _room_of(self, motions: MotionRows) -> dict[str, Any]:
         """The arrays of motions, and room for the present one."""
         ffi, points, n = self._ffi, len(motions.times), self._n
-        arrays = {name: getattr(motions, name) for name in ("times", "q", "qd", "p", "out_q", "out_qd", "out_work", "ended")}
+        arrays = {name: np.ascontiguousarray(getattr(motions, name)) for name in ("times", "q", "qd", "p")}  # rows may be one repeated
+        arrays |= {name: getattr(motions, name) for name in ("out_q", "out_qd", "out_work", "ended")}
         sizes = {"part_times": points + 1, "part_q": (points + 2) * n, "part_qd": (points + 2) * n, "part_work": points + 2}
         sizes |= {"own_p": max(self._n_p, 1), "kept": 3 * n + self._n_p}
         arrays |= {name: np.zeros(size) for name, size in sizes.items()}

@@ -137,6 +137,23 @@ def test_a_ratchet_takes_the_impulse_of_a_stop(restitution):
     assert mine == pytest.approx(slopes_of(end, [1.0, restitution, 3.0, 0.5]), rel=1e-9, abs=1e-10)
 
 
+def test_a_ratchet_presses_a_disc_to_its_stop():
+    """The ratchet stops what it would press back, with the stop and without restitution: both rest from then on."""
+    m, (psi1, psi2) = two_discs()
+    stop, e = m.parameter("stop", 1.0), m.parameter("e", 0.4)
+    m.stop(psi1, upper=stop, restitution=e)
+    m.ratchet(psi1, psi2)
+    kernels, by = ncgen.compile(m), ["stop", "e", "rate(P1.y)", "rate(P2.y)"]
+    found = ncgen.sensitivities(kernels, 0.36, 10, by=by, qd0={"psi1": 3.0, "psi2": 1.0}, **GIVEN)
+    places = [kernels.index[name] for name in ("psi1", "psi2")]
+
+    def end(stop, e, first, second):
+        return np.array([stop, second * stop / first, 0.0 * stop, 0.0 * stop])
+
+    mine = np.vstack([found.q_by[-1][places], found.qd_by[-1][places]])
+    assert mine == pytest.approx(slopes_of(end, [1.0, 0.4, 3.0, 1.0]), rel=1e-9, abs=1e-10)
+
+
 def locked_fourbar():
     """The four-bar: its crank is locked where it passes an angle, and freed; a ratchet holds its follower."""
     m = ncgen.load("fourbar")

@@ -147,8 +147,10 @@ int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int
                          ncgen_scalar *low, ncgen_scalar *high)
 {
     ncgen_walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0, 0};
-    const int crossed = ncgen_walk_part(&w, basis, values, stride, noise, 0, 1) ||
-                      ncgen_walk_end(&w, values[(size_t)basis->degree * (size_t)stride]);
+    const ncgen_real last = values[(size_t)basis->degree * (size_t)stride];
+    int crossed = ncgen_walk_part(&w, basis, values, stride, noise, 0, 1);
+    if (!crossed && (!*sign || w.seen || sign_of(last, noise))) /* else it stays where it has no sign, and keeps the one that it had */
+        crossed = ncgen_walk_end(&w, last);
     *low = w.at;
     *high = w.next;
     *sign = w.sign;

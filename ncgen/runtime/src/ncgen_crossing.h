@@ -36,7 +36,8 @@ ncgen_real ncgen_polynomial_at(const ncgen_basis *basis, const ncgen_real *value
 int ncgen_has_one_sign(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise);
 
 /* For a polynomial on the whole interval. *sign: the sign to begin with, or 0 for that of the first value; then the last one that is clear.
- * Returns 1 and shares low < high with one change of sign in between, or 0 where there is none. */
+ * Returns 1 and shares low < high with one change of sign in between, or 0 where there is none. With a sign to begin with, values that are noise
+ * throughout have no other one, at their end neither. */
 int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, int direction, int *sign,
                          ncgen_scalar *low, ncgen_scalar *high);
 

@@ -6,6 +6,7 @@
 #include "ncgen_held.h"
 #include "ncgen_impulses.h"
 #include "ncgen_rates.h"
+#include "ncgen_state.h"
 
 const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event)
 {
@@ -146,40 +147,84 @@ static void note_stuck(ncgen_instant *i, const ncgen_impact *impact)
     }
 }
 
-/* The gaps that take part: those that are due, and those that are closed already. *wanted: whether some are due. */
-static int take_gaps(ncgen_instant *i, ncgen_impact *impact, int *wanted)
+/* Does a gap or a ratchet move to this side, by more than rounding? */
+static int moves(const ncgen_instant *i, int condition, int is_gap, int side)
 {
-    for (int k = 0; k < i->count - i->events->n_velocities; ++k) {
+    const ncgen_real now = ncgen_speed(i, i->moment->qd), before = ncgen_speed(i, i->arrived), *w = ncgen_gradient(i, condition);
+    const ncgen_real velocity = is_gap ? w[2 * i->n] + ncgen_dot(i->n, w, i->moment->qd) : i->values[2 * condition];
+    return velocity * side > 0 && !ncgen_is_still_along(i, condition, is_gap, now > before ? now : before);
+}
+
+/* Was a gap or a ratchet held before, and nothing has been hit? Then its velocity is rounding. */
+static int is_held(const ncgen_instant *i, int condition)
+{
+    const ncgen_events *e = i->events;
+    int held = ncgen_holds(e, i->passage, condition);
+    for (int h = 0; h < e->n_holds; ++h)
+        held |= e->holds[h].condition == condition && i->passage->flags[h];
+    return held && !ncgen_was_hit(i);
+}
+
+/* The gaps that take part: those that are closed, and those that are due; due: NULL, or which are. *wanted: are some due, or do some close? */
+static int take_gaps(ncgen_instant *i, ncgen_impact *impact, const int *due, int *wanted)
+{
+    for (int k = 0; k < ncgen_n_events(i); ++k) {
         const ncgen_action *action = ncgen_impact_of(i->events, k);
-        int moves = 1;
-        if (!action || !(i->passage->due[k] || ncgen_is_closed(i, k)))
+        int can = 1;
+        if (!action || !((due && due[k]) || ncgen_is_closed(i, k)))
             continue;
-        const int status = ncgen_can_move(i, k, &moves);
+        const int status = ncgen_can_move(i, k, &can);
         if (status != NCGEN_OK)
             return status;
-        if (!moves)
+        if (!can)
             continue;
-        *wanted |= i->passage->due[k];
-        take(i, impact, k, i->numbers[action->value]);
+        *wanted |= (due && due[k]) || (moves(i, k, 1, -1) && !is_held(i, k));
+        if (!(impact->law == NCGEN_SIMULTANEOUS && moves(i, k, 1, 1))) /* it opens */
+            take(i, impact, k, i->numbers[action->value]);
     }
     return NCGEN_OK;
 }
 
-/* Ratchets that run backward, but for those that only just turn, and those that locks hold. resting: NULL, or others that do not */
-static int take_ratchets(ncgen_instant *i, ncgen_impact *impact, const int *turning, const int *resting)
+/* Ratchets, but for those that locks hold: all of them, or those that do not run forward. */
+static int take_ratchets(ncgen_instant *i, ncgen_impact *impact, int all)
 {
     const ncgen_events *e = i->events;
     int status = NCGEN_OK;
     for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
         const int k = e->holds[h].condition;
-        int moves = 1;
-        if (e->holds[h].kind != NCGEN_HOLDS_RATCHET || turning[k] || i->values[2 * k] > 0 || (resting && resting[h]))
+        int can = 1;
+        if (e->holds[h].kind != NCGEN_HOLDS_RATCHET || !(all || !moves(i, k, 0, 1)))
             continue;
-        status = ncgen_can_move(i, k, &moves);
-        if (status == NCGEN_OK && moves)
+        status = ncgen_can_move(i, k, &can);
+        if (status == NCGEN_OK && can)
             take(i, impact, k, 0);
     }
     return status;
+}
+
+/* Does a ratchet run backward? Not one that only just turns, nor one that was held where nothing has been hit. */
+static int find_backward(ncgen_instant *i, int *some)
+{
+    const ncgen_events *e = i->events;
+    int status = NCGEN_OK;
+    for (int h = 0; h < e->n_holds && status == NCGEN_OK && !*some; ++h) {
+        const int k = e->holds[h].condition;
+        if (e->holds[h].kind != NCGEN_HOLDS_RATCHET || i->passage->due[k] || is_held(i, k) || !moves(i, k, 0, -1))
+            continue;
+        *some = 1;
+        status = ncgen_can_move(i, k, some);
+    }
+    return status;
+}
+
+/* What impulses have stopped does not move: less than rounding of the greatest velocity before, or of what impacts in turn leave. */
+static void stop(const ncgen_instant *i, int in_turn)
+{
+    const ncgen_scalar rounding = 64 * ncgen_rounding(), nothing = in_turn && rounding < R(1.0e-11) ? R(1.0e-11) : rounding;
+    const ncgen_real speed = ncgen_speed(i, i->prior);
+    for (int j = 0; j < i->n; ++j)
+        if (NCGEN_ABS(i->moment->qd[j] - i->prior[j]) > 0 && NCGEN_ABS(i->moment->qd[j]) <= nothing * speed * i->d->dynamics->column_sizes[j])
+            i->moment->qd[j] = 0;
 }
 
 /* What is taken is hit. */
@@ -197,6 +242,7 @@ static int blow(ncgen_instant *i, ncgen_impact *impact)
         return status;
     for (int row = 0; row < impact->rows; ++row)
         push(i, row, i->impulses[row]);
+    stop(i, impact->law == NCGEN_IN_TURN);
     for (int a = 0; a < impact->count; ++a) {
         const ncgen_real impulse = i->impulses[i->places[3 * a]];
         i->passage->happened[i->taking[a]] += impulse > 0 && i->taking[a] < i->count - i->events->n_velocities;
@@ -214,24 +260,51 @@ static ncgen_impact impact_of(ncgen_instant *i, int law)
     return impact;
 }
 
-int ncgen_hit(ncgen_instant *i, int *hit)
+/* What closes is hit, with all that touches and does not open; due: as of take_gaps. *hit: whether something closes */
+static int hit_closing(ncgen_instant *i, const int *due, int *hit)
 {
     ncgen_impact impact = impact_of(i, i->events->law);
-    int wanted = 0, status = take_gaps(i, &impact, &wanted);
+    int wanted = 0, status = take_gaps(i, &impact, due, &wanted);
     *hit = 0;
     if (status != NCGEN_OK || !wanted)
         return status;
-    status = take_ratchets(i, &impact, i->passage->due, NULL);
+    if (impact.count == 1 && impact.law == NCGEN_NO_LAW)
+        impact.law = NCGEN_SIMULTANEOUS; /* ratchets have no other law */
+    status = take_ratchets(i, &impact, 0);
     if (status == NCGEN_OK)
         status = blow(i, &impact);
     *hit = impact.closes;
     return status;
 }
 
-int ncgen_catch(ncgen_instant *i, const int *happened)
+/* What opened or ran forward before, and would not after that, is stopped with all that touches, without restitution. */
+static int stop_others(ncgen_instant *i)
 {
-    ncgen_impact impact = impact_of(i, NCGEN_SIMULTANEOUS);
-    const int *held_before = i->passage->flags;
-    const int status = take_ratchets(i, &impact, happened, ncgen_was_hit(i) ? NULL : held_before);
-    return status == NCGEN_OK && impact.count ? blow(i, &impact) : status;
+    ncgen_impact impact = impact_of(i, NCGEN_IN_TURN); /* takes those that open, too */
+    int some = 0, status = take_gaps(i, &impact, NULL, &some);
+    if (status == NCGEN_OK)
+        status = find_backward(i, &some);
+    if (status != NCGEN_OK || !some)
+        return status;
+    status = take_ratchets(i, &impact, 1);
+    for (int a = 0; a < impact.count; ++a)
+        i->coefficients[3 * a] = i->coefficients[3 * a + 2] = 0;
+    impact.law = NCGEN_SIMULTANEOUS;
+    return status == NCGEN_OK ? blow(i, &impact) : status;
+}
+
+int ncgen_hit(ncgen_instant *i, const int *due, int *hit)
+{
+    int status = hit_closing(i, due, hit);
+    if (status == NCGEN_OK && *hit)
+        status = ncgen_look(i);
+    return status == NCGEN_OK && (*hit || !due) ? stop_others(i) : status;
+}
+
+int ncgen_hit_remaining(ncgen_instant *i)
+{
+    int hit, status = ncgen_look(i);
+    if (status == NCGEN_OK)
+        status = ncgen_find_numbers(i);
+    return status == NCGEN_OK ? ncgen_hit(i, NULL, &hit) : status;
 }

@@ -10,16 +10,17 @@ int ncgen_can_move_along(ncgen_instant *i, const ncgen_real *direction, int *can
 
 const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event); /* NULL: it has none */
 
-/* The impacts of events that are due, with the gaps that are closed already; *hit: whether a gap closes. Numbers that actions set are those
- * of the state before. */
-int ncgen_hit(ncgen_instant *i, int *hit);
+/* Impacts of closed gaps and of those that are due, in two steps. What closes is hit, with restitution, together with what is closed and does not
+ * open, and with ratchets that do not run forward. What opened or ran forward before, and would not after that, is then stopped without
+ * restitution, together with all that touches; impulses only push, so none is left. due: of each condition, or NULL; *hit: whether a gap
+ * closes. Numbers that actions set are those of the state before. */
+int ncgen_hit(ncgen_instant *i, const int *due, int *hit);
 
 /* Have velocities changed at this instant? */
 int ncgen_was_hit(const ncgen_instant *i);
 
-/* The impulses that stop ratchets which run backward, but for those that only just turn, as `happened` (count) says, and those that were held
- * where nothing was hit. */
-int ncgen_catch(ncgen_instant *i, const int *happened);
+/* The same of what actions have left closing or running backward. */
+int ncgen_hit_remaining(ncgen_instant *i);
 
 /* The velocities that an event sets, with those of all other coordinates. */
 int ncgen_set_velocities(ncgen_instant *i, int event);

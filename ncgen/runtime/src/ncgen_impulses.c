@@ -27,13 +27,18 @@ static int are_coupled(const ncgen_impact *i)
     return 0;
 }
 
+static int closes(const ncgen_impact *i, int gap)
+{
+    return i->velocities[gap] < -nothing * i->terms[gap];
+}
+
 /* The contact that closes fastest, or -1. */
 static int fastest(const ncgen_impact *i)
 {
     int best = -1;
     for (int b = 0; b < i->count; ++b) {
         const int gap = contact_of(i, b).gap;
-        if (i->velocities[gap] < -nothing * i->terms[gap] && (best < 0 || i->velocities[gap] < i->velocities[contact_of(i, best).gap]))
+        if (closes(i, gap) && (best < 0 || i->velocities[gap] < i->velocities[contact_of(i, best).gap]))
             best = b;
     }
     return best;
@@ -134,8 +139,8 @@ int ncgen_impact_of_gaps(ncgen_impact *i)
     for (int b = 0; b < i->count; ++b) {
         i->lost[b] = 0;
         i->sticks[b] = 0;
-        const int gap = contact_of(i, b).gap;
-        if (!(row_of(i, gap)[gap] > 0)) {
+        const ncgen_contact c = contact_of(i, b);
+        if (!(row_of(i, c.gap)[c.gap] > 0) && (closes(i, c.gap) || c.directions)) {
             i->which = b;
             return NCGEN_SINGULAR;
         }

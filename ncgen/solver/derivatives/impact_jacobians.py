@@ -81,9 +81,9 @@ class ImpactJacobians:
         """Of the velocities after an impact, (n, N). time, change: as of `along`, before it"""
         at, mode, nothing = done.before, self._functions.mode(done.before), np.zeros((0, len(done.before.q)))
         values = along(self._tangents.values(at), time, change)
-        W, drift, blows = rows_of(gaps_of(self._functions, at, done.events))
+        W, drift, blows = rows_of(gaps_of(self._functions, at, done.events, done.restores))
         responses = response(mode, at, W)
-        gaps = [self._gap(k, blow, values) for k, blow in zip(done.events, blows, strict=True)]
+        gaps = [self._gap(k, blow, values, done.restores) for k, blow in zip(done.events, blows, strict=True)]
         rows = _Rows(W=W, responses=responses, G=W @ responses, u=W @ at.qd + drift, gaps=gaps)
         positions = [position for k in done.events for position in self._tangents.places(k)]
         pushed, by_velocity = _Pushed(np.zeros(len(W)), np.zeros((len(W), len(time)))), np.zeros((len(at.q), len(time)))
@@ -98,7 +98,7 @@ class ImpactJacobians:
             by_velocity = x + responses @ pushed.by
         return by_velocity
 
-    def _gap(self, k: int, blow: Blow, values: np.ndarray) -> _Gap:
+    def _gap(self, k: int, blow: Blow, values: np.ndarray, restores: bool) -> _Gap:
         functions = self._functions
         contact = next((functions.contacts[number] for number, gap in functions.gaps.items() if gap == k), None)
         event = functions.events[k] if k < len(functions.events) else None
@@ -110,9 +110,9 @@ class ImpactJacobians:
         return _Gap(
             name=name,
             blow=blow,
-            restitution=changes(f"event {name}", event.impact.restitution if event and event.impact else 0.0),
+            restitution=changes(f"event {name}", event.impact.restitution if event and event.impact and restores else 0.0),
             friction=changes(f"contact {name}, friction", contact.friction if contact else 0.0),
-            tangential=changes(f"contact {name}, tangential", contact.tangential if contact else 0.0),
+            tangential=changes(f"contact {name}, tangential", contact.tangential if contact and restores else 0.0),
         )
 
 

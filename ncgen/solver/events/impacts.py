@@ -18,6 +18,9 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.mobility import response
 from ncgen.solver.events.state import State
 
+STOPPED, STOPPED_IN_TURN = 64 * float(np.finfo(float).eps), 1e-11
+"""Impulses have stopped what moves by less than this share of the greatest velocity before: rounding, or where impacts in turn end."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Gap:
@@ -70,10 +73,16 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     for number, pushes in solved.turns:
         qd = qd + responses @ pushes
         turns.append(((number,), qd))
-    impulses, qd = solved.impulses[positions], at.qd + responses @ solved.impulses
+    impulses, qd = solved.impulses[positions], _stopped(at, at.qd + responses @ solved.impulses, sizes, bool(turns))
     if not solved.turns:
         turns = [(tuple(np.flatnonzero(impulses > 0).tolist()), qd)]
     return Hit(qd=qd, impulses=impulses, sticks=solved.sticks, lost=solved.lost, turns=tuple(turns))
+
+
+def _stopped(at: State, qd: np.ndarray, sizes: np.ndarray, in_turn: bool) -> np.ndarray:
+    """Velocities qd (n,) after impulses, but for rounding: what these have stopped does not move. at: before; sizes (n,)"""
+    nothing = (STOPPED_IN_TURN if in_turn else STOPPED) * at.speed(sizes) * sizes
+    return np.where((qd != at.qd) & (np.abs(qd) <= nothing), 0.0, qd)
 
 
 def rows_of(gaps: Sequence[Gap]) -> tuple[np.ndarray, np.ndarray, list[Blow]]:

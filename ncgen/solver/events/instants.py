@@ -10,7 +10,7 @@ from itertools import count
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, shown
-from ncgen.mechanism.active_in_c import is_missed
+from ncgen.mechanism.active_in_c import is_missed, is_still
 from ncgen.mechanism.chain_in_c import Chain, is_zero
 from ncgen.mechanism.impacts_in_c import set_rates
 from ncgen.mechanism.kernels import Kernels
@@ -32,16 +32,22 @@ JUMP = 1e-8
 class Instant:
     """What happens at one instant. at: the state so far; happened, done: in order; stops: True where the run ends here
 
+    turning, held: numbers of what only just turns, and of what was held before
     stuck: numbers of contacts that impacts leave sticking; changes_constraints: whether parameters of constraints were set
     """
 
     functions: EventFunctions
     at: State
+    turning: Collection[int] = ()
+    held: Collection[int] = ()
     happened: list[Happening] = field(default_factory=list)
     done: list[Done] = field(default_factory=list)
     stops: bool = False
     stuck: list[int] = field(default_factory=list)
     changes_constraints: bool = False
+
+    def __post_init__(self) -> None:
+        self.before = self.at
 
     @property
     def kernels(self) -> Kernels:
@@ -57,7 +63,7 @@ class Instant:
 
         Raises ConvergenceError naming events that bring about each other without end, ModelError for what an action cannot do.
         """
-        if not due:
+        if not (due or self.done or self.functions.ratchets):
             return
         events, chain, rounds, p, acted = self.functions.events, self.chain, count(), self.at.p, list[str]()
 
@@ -65,10 +71,12 @@ class Instant:
             first = next(rounds) == 0
             acted.extend(events[k].name for k in numbers)
             searches: dict[int, Search] = {k: due[k] if first else "action" for k in numbers}
-            self._impacts([k for k in numbers if events[k].impact], searches)
-            for k in numbers:
-                if not events[k].impact:
+            due_impacts = [k for k in numbers if events[k].impact]
+            for k in (*(due_impacts if self._hit(due_impacts, searches) else ()), *(k for k in numbers if not events[k].impact)):
+                if not events[k].impact or len(events[k].do) > 1:  # an impact may do more
                     self._act(k, searches[k])
+            self._hit((), {})
+            self._stop_others()
 
         if not chain.follow(due, act):
             names = ", ".join(events[k].name for k in np.flatnonzero(chain.due))
@@ -135,17 +143,6 @@ class Instant:
                 self.lock([name])
                 self._note(name, "start", start, LOCKS[0])
 
-    def catch(self, others: Collection[int]) -> None:
-        """Stop ratchets that run backward by impulses that only push, but for others: those that only just turn, and those at rest."""
-        start, functions = self.at, self.functions
-        taking = [k for k in functions.ratchets if k not in others and functions.values(start)[0][k] <= 0]
-        taking = self._movable(taking, functions.rate_slopes(start)) if taking else []
-        gaps = gaps_of(self.functions, start, taking)
-        if taking and (hit := hit_gaps(self.functions.mode(start), start, gaps, {"simultaneous"})):
-            self.at = replace(start, qd=hit.qd)
-            self._note_turns(hit, taking, start)
-            self._note_impulses(gaps, {}, hit, start)
-
     def _act(self, k: int, search: Search) -> None:
         event, start, transition = self.functions.events[k], self.at, ""
         for action in event.do:
@@ -187,44 +184,85 @@ class Instant:
         if held:
             self.at = replace(self.at, qd=_with_rates(self.functions.mode(self.at), self.at, held))
 
-    def _impacts(self, due: list[int], searches: Mapping[int, Search]) -> None:
-        """The impacts of the events that are due, with the gaps that are closed already taking part where several can."""
-        if not due:
-            return
+    def _hit(self, due: Collection[int], searches: Mapping[int, Search]) -> bool:
+        """Impacts of gaps that are due, and of closed ones that close. Returns whether something was hit.
+
+        What closes is hit, with restitution, together with what is closed and does not open, and with ratchets that do not run forward.
+        What opened or ran forward before, and would not after that, is then stopped (`_stop_others`).
+        """
+        functions, closed = self.functions, self._closed(due)
+        if not any(k in due for k in closed) and not self._backward(closed):
+            return False
+        orders = {functions.events[k].impact.order for k in closed} - {""}  # type: ignore[union-attr]
+        if len(closed) == 1 and not orders:
+            orders = {"simultaneous"}  # ratchets have no other law
+        gaps = [k for k in closed if orders != {"simultaneous"} or not self._moves(k, 1)]
+        ratchets = self._movable([k for k in functions.ratchets if not self._moves(k, 1)])
+        if not self._push([*gaps, *ratchets], orders, searches):
+            return False
+        self._stop_others()
+        return True
+
+    def _stop_others(self) -> None:
+        """Stop closed gaps that close, and ratchets that run backward, without restitution; all that touches takes part.
+
+        Impulses only push, so none is left that does so.
+        """
+        closed, ratchets = self._closed(), self.functions.ratchets
+        if self._backward([*closed, *self._movable([k for k in ratchets if k not in self.turning])]):
+            self._push([*closed, *self._movable(list(ratchets))], {"simultaneous"}, {}, restores=False)
+
+    def _push(self, numbers: Sequence[int], orders: set[str], searches: Mapping[int, Search], restores: bool = True) -> bool:
+        """The impact of these gaps and ratchets, searches being of what is due. Returns whether something was hit."""
         functions, start = self.functions, self.at
-        all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
-        values, scales = functions.weighed(start)
-        taking = self._movable([k for k in all_impacts if k in due or is_zero(values[k], scales[k])], functions.slopes(start)[0])
-        if not taking:
-            return
-        hitting = [*taking, *self._movable([k for k in functions.ratchets if values[k] <= 0], functions.rate_slopes(start))]
-        gaps, orders = gaps_of(functions, start, hitting), {functions.events[k].impact.order for k in taking} - {""}  # type: ignore[union-attr]
-        if not (hit := hit_gaps(functions.mode(start), start, gaps, orders)):
-            return
+        gaps = gaps_of(functions, start, numbers, restores)
+        if not numbers or not (hit := hit_gaps(functions.mode(start), start, gaps, orders)):
+            return False
         self.at = replace(start, qd=hit.qd)
-        self._note_turns(hit, hitting, start)
+        self._note_turns(hit, numbers, start, restores)
         slides = {gap: number for number, gap in functions.gaps.items()}
-        for number, k in enumerate(taking):
-            if hit.sticks[number]:
-                self.stuck.append(slides[k])
+        self.stuck += [slides[k] for k, sticks in zip(numbers, hit.sticks, strict=True) if sticks]
         due_searches: dict[str, Search] = {functions.events[k].name: search for k, search in searches.items() if k < len(functions.events)}
         self._note_impulses(gaps, due_searches, hit, start)
-        for k in due:  # what else they do
-            if len(functions.events[k].do) > 1:
-                self._act(k, searches[k])
+        return True
 
-    def _movable(self, numbers: list[int], W: np.ndarray) -> list[int]:
-        """Those of some gaps and ratchets that locks which are closed let move; W (C, n): gradients of all conditions."""
+    def _closed(self, due: Collection[int] = ()) -> list[int]:
+        """Of all gaps, those that are due or closed, and can move."""
+        if not (gaps := [k for k, event in enumerate(self.functions.events) if event.impact]):
+            return []
+        values, scales = self.functions.weighed(self.at)
+        return self._movable([k for k in gaps if k in due or is_zero(values[k], scales[k])])
+
+    def _movable(self, numbers: list[int]) -> list[int]:
+        """Those of some gaps and ratchets that locks which are closed let move."""
         if not self.at.locked or not numbers:
             return numbers
-        still = is_blocked(self.functions.mode(self.at), self.kernels, self.at, W[numbers])
+        still = is_blocked(self.functions.mode(self.at), self.kernels, self.at, self._velocities(numbers)[0])
         return [k for k, is_fixed in zip(numbers, still, strict=True) if not is_fixed]
 
-    def _note_turns(self, hit: Hit, hitting: Sequence[int], start: State) -> None:
+    def _velocities(self, numbers: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Of gaps and ratchets: gradients by q̇ (k, n), and velocities (k,)."""
+        functions, at = self.functions, self.at
+        (slopes, drift), rates, ratchets = functions.slopes(at), functions.rate_slopes(at), functions.ratchets
+        W = np.array([rates[k] if k in ratchets else slopes[k] for k in numbers]).reshape(-1, self.kernels.n)
+        return W, W @ at.qd + [0.0 if k in ratchets else drift[k] for k in numbers]
+
+    def _moves(self, k: int, side: int) -> bool:
+        """Whether a gap or ratchet moves to a side, by more than rounding."""
+        sizes, (W, u) = self.kernels.column_sizes, self._velocities([k])
+        speed = max(self.at.speed(sizes), self.before.speed(sizes))
+        return bool(u[0] * side > 0) and not is_still(u[0], np.abs(W[0]) @ sizes * speed)
+
+    def _backward(self, numbers: Sequence[int]) -> bool:
+        """Whether one of some gaps and ratchets moves to the side that is forbidden; if nothing was hit what is held moves by rounding."""
+        held = self.held if np.array_equal(self.before.qd, self.at.qd) else ()
+        return any(self._moves(k, -1) for k in numbers if k not in held)
+
+    def _note_turns(self, hit: Hit, hitting: Sequence[int], start: State, restores: bool) -> None:
         """Note what hits did, of gaps with these numbers of conditions."""
         for turn, velocities in hit.turns:
-            after = replace(start, qd=velocities)
-            self.done.append(Done(events=tuple(hitting[number] for number in turn), is_impact=True, before=start, after=after))
+            after, events = replace(start, qd=velocities), tuple(hitting[number] for number in turn)
+            self.done.append(Done(events=events, is_impact=True, before=start, after=after, restores=restores))
             start = after
 
     def _note(self, name: str, search: Search, start: State, transition: str) -> None:
@@ -259,8 +297,11 @@ class Instant:
         return self.kernels.energy(at.q, at.qd, at.t, at.p)[:2]
 
 
-def gaps_of(functions: EventFunctions, at: State, taking: Sequence[int]) -> list[Gap]:
-    """The gaps that take part in impacts, with their friction, and ratchets, by the numbers of their conditions."""
+def gaps_of(functions: EventFunctions, at: State, taking: Sequence[int], restores: bool = True) -> list[Gap]:
+    """The gaps that take part in impacts, with their friction, and ratchets, by the numbers of their conditions.
+
+    restores: False for impacts without restitution
+    """
     nothing = np.zeros((0, functions.kernels.n))
     gradients, drift = functions.slopes(at)
     sliding, gaps = functions.sliding(at), []
@@ -275,14 +316,14 @@ def gaps_of(functions: EventFunctions, at: State, taking: Sequence[int]) -> list
             name=functions.events[k].name,
             gradient=gradients[k],
             drift=float(drift[k]),
-            restitution=functions.restitution(k, at),
+            restitution=functions.restitution(k, at) if restores else 0.0,
             rubs=nothing,
         )
         if k in slides:
             number = slides[k]
             gap = replace(
                 gap, rubs=sliding[number][1], friction=functions.friction(number, at),
-                tangential=functions.tangential(number, at), is_poisson=functions.contacts[number].law == "poisson",
+                tangential=functions.tangential(number, at) if restores else 0.0, is_poisson=functions.contacts[number].law == "poisson",
             )  # fmt: skip
         gaps.append(gap)
     return gaps

@@ -246,12 +246,10 @@ class EventLoop:
     def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
         before = self.at
-        instant = Instant(functions=self.functions, at=before)
+        instant = Instant(functions=self.functions, at=before, turning=due, held=self.held)
         if is_start:
             instant.begin()
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
-        unhit = self.held if np.array_equal(before.qd, instant.at.qd) else ()
-        instant.catch([*due, *unhit])
         self.at = instant.at
         rests = self._resting(instant.chain.happened, not np.array_equal(before.qd, self.at.qd))
         ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]
@@ -311,9 +309,10 @@ class EventLoop:
         for k in range(len(functions.events), functions.count):
             may_begin = k in functions.turns.values()  # in space it has to become faster first than where it comes to rest
             self.signs[k] = 0 if ways[k] == UNWATCHED or may_begin else -int(ways[k])
-        for k in self.active_constraints.left:
-            if k < len(functions.events):
-                self.signs[k] = 1
+        active = self.active_constraints
+        for k, event in enumerate(functions.events):
+            if k in active.left or (event.impact and active.is_closed(k, self.at) and active.is_still(k, self.at)):
+                self.signs[k] = 1  # it is closed if it falls from here on
 
     def _resting(self, happened: np.ndarray, is_hit: bool) -> dict[int, tuple[str, float]]:
         """{number: (name, limit time in s)} of gaps that have bounced and whose next bounce cannot be told from none.

@@ -34,7 +34,7 @@ class Done:
     """What was done at an instant: the gaps and ratchets of these numbers were hit together, one event acted, locks closed, or without any
     of these velocities were brought onto constraints with other parameters.
 
-    before, after: states; locks: names of those that closed
+    before, after: states; locks: names of those that closed; restores: False for impacts without restitution
     """
 
     events: tuple[int, ...]
@@ -42,6 +42,7 @@ class Done:
     before: State
     after: State
     locks: tuple[str, ...] = ()
+    restores: bool = True
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
