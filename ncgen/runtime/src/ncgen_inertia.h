@@ -79,6 +79,19 @@ static inline void ncgen_add_own_product(ncgen_real factor, const ncgen_real *a,
     ncgen_add_times(factor * a[2], along, inertia + MIXED + 6);
 }
 
+/* An inertia without a b', of six numbers each, one of which is a multiple of the other. */
+static inline void ncgen_take_product(const ncgen_real *a, const ncgen_real *b, ncgen_real *inertia)
+{
+    static const int row[6] = {0, 1, 2, 0, 0, 1}, column[6] = {0, 1, 2, 1, 2, 2};
+    for (int s = 0; s < 6; ++s) {
+        inertia[TURNING + s] -= a[row[s]] * b[column[s]];
+        inertia[ALONG + s] -= a[3 + row[s]] * b[3 + column[s]];
+    }
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            inertia[MIXED + 3 * i + j] -= a[i] * b[3 + j];
+}
+
 /* An inertia about a point that is d away from the one it is about now:
  * B + D M, and I - B D + D B' - D M D, where D is d x. */
 static inline void ncgen_set_shifted(const ncgen_real *inertia, const ncgen_real *d, ncgen_real *sum)

@@ -43,39 +43,42 @@ static void place_all(const ncgen_run *r, ncgen_tree_work *w)
     ncgen_tree_place_bodies(r, w);
 }
 
-/* What the acceleration of a link is without that of the joints; before, twist: of its parent, and its own. */
-static inline void find_change(const ncgen_tree_work *w, const ncgen_tree_link *own, const ncgen_tree_screw *screws, const int n_screws,
-                               const ncgen_real *before, const ncgen_real *twist)
+/* How a link moves: its twist, and what its acceleration is without that of the joints. */
+typedef struct motion {
+    ncgen_real twist[6], change[6];
+} motion;
+
+/* What the acceleration of a link is without that of the joints, in place of its parent's; before, twist: of its parent, and its own. */
+static inline void find_change(const ncgen_tree_link *own, const ncgen_tree_screw *screws, const int is_hinge, const ncgen_real *before,
+                               const ncgen_real *twist, ncgen_real *change)
 {
     const ncgen_real faster[3] = {twist[3] - before[3], twist[4] - before[4], twist[5] - before[5]};
-    ncgen_real change[6], turned_axis[3];
-    ncgen_get6(ncgen_lane_before(w, own), CHANGE, change);
+    ncgen_real turned_axis[3];
     ncgen_add_cross(change, own->offset, change + 3);
     ncgen_add_cross(before, faster, change + 3);
-    for (int k = 0; k < n_screws; ++k) {
+    for (int k = 0; k < (is_hinge ? 1 : own->n_screws); ++k) {
         ncgen_cross(before, screws[k].axis, turned_axis);
-        ncgen_add_times(screws[k].is_carried * screws[k].rate, turned_axis, change + (screws[k].turns ? 0 : 3));
+        ncgen_add_times(screws[k].is_carried * screws[k].rate, turned_axis, change + (is_hinge || screws[k].turns ? 0 : 3));
     }
     ncgen_put6(change, own->lane, CHANGE);
 }
 
-/* The twist of a link without that of its joint. */
-static inline void begin_twist(const ncgen_tree_work *w, const ncgen_tree_link *own, ncgen_real *twist)
+/* The twist of a link without that of its joint, in place of its parent's. */
+static inline void begin_twist(const ncgen_tree_link *own, ncgen_real *twist)
 {
-    ncgen_get6(ncgen_lane_before(w, own), TWIST, twist);
     ncgen_add_cross(twist, own->offset, twist + 3);
 }
 
-/* How a link moves; is_hinge: whether it is one, known to the compiler. */
+/* From the motion of a link's parent to its own; is_hinge: whether it is one, known to the compiler. */
 static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, const ncgen_tree_link *own, const ncgen_tree_place *at,
-                        const ncgen_real *qd, const int with_changes, const int is_hinge)
+                        const ncgen_real *qd, motion *moves, const int with_changes, const int is_hinge)
 {
     const int n_screws = is_hinge ? 1 : own->n_screws;
     ncgen_real twist[6], before[6];
     int status = NCGEN_OK;
-    ncgen_get6(ncgen_lane_before(w, own), TWIST, before);
+    ncgen_set6(moves->twist, before);
     ncgen_set6(before, twist);
-    ncgen_add_cross(before, own->offset, twist + 3);
+    begin_twist(own, twist);
     if (is_hinge)
         at->screw->rate = qd[at->screw->coordinate] * at->screw->slowness;
     else
@@ -83,9 +86,33 @@ static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, const ncgen_tree
     for (int k = 0; k < n_screws; ++k)
         ncgen_add_times(at->screw[k].rate, at->screw[k].axis, twist + (is_hinge || at->screw[k].turns ? 0 : 3));
     ncgen_put6(twist, own->lane, TWIST);
+    ncgen_set6(twist, moves->twist);
     if (with_changes)
-        find_change(w, own, at->screw, n_screws, before, twist);
+        find_change(own, at->screw, is_hinge, before, twist, moves->change);
     return status;
+}
+
+static inline motion motion_before(const ncgen_tree_work *w, const ncgen_tree_link *own)
+{
+    motion moves;
+    ncgen_get6(ncgen_lane_before(w, own), TWIST, moves.twist);
+    ncgen_get6(ncgen_lane_before(w, own), CHANGE, moves.change);
+    return moves;
+}
+
+/* How hinges move that hang on one another: the first link that is not one of them. In a loop that calls nothing what goes from link to link
+ * need not be stored in between. */
+static inline int go_along_hinges(const ncgen_run *r, ncgen_tree_work *w, int link, ncgen_tree_place *at, const ncgen_real *qd,
+                                  const int with_changes)
+{
+    const ncgen_tree_link *own = w->link + link, *end = w->link + w->tree->n_links;
+    motion moves = motion_before(w, own);
+    do {
+        go_on(r, w, own, at, qd, &moves, with_changes, 1);
+        ncgen_tree_go_on(own, at);
+        ++own;
+    } while (own < end && own->is_hinge && w->link + own->parent == own - 1);
+    return (int)(own - w->link);
 }
 
 static int is_same(int count, const ncgen_real *a, const ncgen_real *b)
@@ -111,12 +138,17 @@ static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen
         ncgen_copy(r->n, q, w->values);
         place_all(r, w);
     }
-    for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own) {
-        if (own->is_hinge)
-            go_on(r, w, own, &at, qd, with_changes, 1);
-        else if (go_on(r, w, own, &at, qd, with_changes, 0) != NCGEN_OK)
+    for (int link = 0; link < tree->n_links;) {
+        const ncgen_tree_link *own = w->link + link;
+        if (own->is_hinge) {
+            link = go_along_hinges(r, w, link, &at, qd, with_changes);
+            continue;
+        }
+        motion moves = motion_before(w, own);
+        if (go_on(r, w, own, &at, qd, &moves, with_changes, 0) != NCGEN_OK)
             status = NCGEN_SINGULAR;
         ncgen_tree_go_on(own, &at);
+        ++link;
     }
     if (with_changes)
         ncgen_tree_set_wrenches(w);
@@ -179,6 +211,24 @@ static int factor(const ncgen_run *r, ncgen_tree_work *w)
     return w->is_factored ? w->is_regular : solve(w);
 }
 
+/* x changed by what the momentum of w->bias changes of the velocities. Of bodies that share elements, or have mass that is not the same along
+ * all axes, it is M times that. */
+static void respond_to_bias(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
+{
+    const ncgen_tree *tree = w->tree;
+    if (tree->n_closing || !ncgen_has_pairs_alone(w)) {
+        ncgen_times_mass(r, w->mass, w->bias, w->force);
+        ncgen_tree_respond(r, w, x);
+        return;
+    }
+    for (int i = 0; i < (tree->n_rotors ? tree->n_measured : 0); ++i) {
+        const int c = tree->measured[2 * i];
+        w->force[c] = ncgen_row_times(&r->model->mass_pattern, w->mass, w->bias, c);
+    }
+    ncgen_tree_set_momenta(r, w);
+    ncgen_tree_respond_to_wrenches(r, w, x);
+}
+
 /* What is left of the velocities, x, has the momentum T'M x over the rates, which changes them by (T'M T)^-1 T'M x. Loops are closed
  * before, too: there alone is the shared mass of bodies that share elements what the matrix has. */
 void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
@@ -191,8 +241,7 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
     for (int i = 0; i < n; ++i)
         w->bias[i] = qd[i] - out[i];
-    ncgen_times_mass(r, w->mass, w->bias, w->force);
-    ncgen_tree_respond(r, w, out);
+    respond_to_bias(r, w, out);
     if (closes_loops)
         is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
     out[n] = growth_of(w, is_regular && ncgen_is_finite(n, out));
@@ -221,7 +270,8 @@ void ncgen_tree_measure(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real
     ncgen_tree_place at = ncgen_tree_begin(w);
     for (ncgen_tree_link *own = w->link, *end = own + (is_measured ? 0 : w->tree->n_links); own < end; ++own) {
         ncgen_real twist[6];
-        begin_twist(w, own, twist);
+        ncgen_get6(ncgen_lane_before(w, own), TWIST, twist);
+        begin_twist(own, twist);
         ncgen_tree_find_rates(r, w, own, &at, velocities, twist);
         add_screws(own, at.screw, twist);
         ncgen_tree_go_on(own, &at);
@@ -238,7 +288,8 @@ const ncgen_real *ncgen_tree_along(const ncgen_run *r, ncgen_tree_work *w, const
         screw->rate = screw->leader >= 0 ? screw->ratio * w->screw[screw->leader].rate : screw->slowness * *chosen++;
     for (ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; ++own) {
         ncgen_real twist[6];
-        begin_twist(w, own, twist);
+        ncgen_get6(ncgen_lane_before(w, own), TWIST, twist);
+        begin_twist(own, twist);
         add_screws(own, at.screw, twist);
         ncgen_tree_go_on(own, &at);
     }

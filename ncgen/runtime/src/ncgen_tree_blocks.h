@@ -28,8 +28,9 @@ typedef double ncgen_link_lanes __attribute__((vector_size(8 * NCGEN_LINK_LANES)
  * (see ncgen_tree_bodies.h) and masses. */
 enum { ORIGIN = 0, TWIST = 3, CHANGE = 9, WRENCH = 15, MOMENTS = 21, MASS = 30, BLOCK_NUMBERS = 31 };
 
-/* Places in a slot: components; from a link's reference point, of a vector itself; velocity or acceleration; force; 1 for a point. */
-enum { VALUE = 0, LEVER = 3, MOVED = 6, FORCE = 9, IS_POINT = 12, SLOT_NUMBERS = 13 };
+/* Places in a slot: components; from a link's reference point, of a vector itself; velocity or acceleration; force; lever in the first
+ * position of a run; 1 for a point. */
+enum { VALUE = 0, LEVER = 3, MOVED = 6, FORCE = 9, FIRST = 12, IS_POINT = 15, SLOT_NUMBERS = 16 };
 
 typedef struct ncgen_tree_slot {
     ncgen_link_lanes numbers[SLOT_NUMBERS];

@@ -174,13 +174,19 @@ static inline void find_moments_of_many(const ncgen_tree_block *block, lanes *se
     }
 }
 
+/* Numbers of all coordinates, and of those that bodies have in common, into a place of the slots. */
+static void put_all(const ncgen_run *r, const ncgen_tree_work *w, int place, const ncgen_real *x)
+{
+    ncgen_real *to = (ncgen_real *)w->slot + place * NCGEN_LINK_LANES;
+    ncgen_tree_put(r, w, place, x);
+    for (int i = 0; i < w->n_others; ++i)
+        to[w->other_at[i]] = x[w->other[i]];
+}
+
 void ncgen_tree_place_bodies(const ncgen_run *r, ncgen_tree_work *w)
 {
     static const lanes nothing;
-    ncgen_real *values = (ncgen_real *)w->slot + VALUE * NCGEN_LINK_LANES;
-    ncgen_tree_put(r, w, VALUE, w->values);
-    for (int i = 0; i < w->n_others; ++i)
-        values[w->other_at[i]] = w->values[w->other[i]];
+    put_all(r, w, VALUE, w->values);
     for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
         lanes second[9];
         for (int i = 0; i < 9; ++i)
@@ -288,6 +294,44 @@ void ncgen_tree_set_forces(ncgen_tree_work *w)
     }
 }
 
+/* A point's velocity is that of the reference point, x, and the rest. So a member a has the momentum m_a x + u, where u is that of the
+ * rests by the masses between members. */
+static inline void set_momentum(const ncgen_tree_block *block)
+{
+    static const lanes nothing;
+    const int count = block->n_slots;
+    const lanes *first = block->numbers + MOMENTS + 6, *masses = block->masses + count;
+    lanes x[3], wrench[6];
+    set(3, block->numbers + CHANGE, x);
+    cross(first, x, wrench);
+    for (int i = 0; i < 3; ++i)
+        wrench[3 + i] = block->numbers[MASS] * x[i];
+    for (ncgen_tree_slot *s = block->slot, *end = s + count; s < end; ++s)
+        for (int i = 0; i < 3; ++i)
+            s->numbers[FORCE + i] -= s->numbers[IS_POINT] * x[i];
+    for (int a = 0; a < count; ++a, masses += count) {
+        lanes u[3] = {nothing, nothing, nothing};
+        for (int b = 0; b < count; ++b)
+            for (int i = 0; i < 3; ++i)
+                u[i] += masses[b] * block->slot[b].numbers[FORCE + i];
+        add_cross(block->slot[a].numbers + LEVER, u, wrench);
+        for (int i = 0; i < 3; ++i)
+            wrench[3 + i] += block->masses[a] * block->slot[a].numbers[FORCE + i];
+    }
+    set(6, wrench, block->numbers + WRENCH);
+}
+
+void ncgen_tree_set_momenta(const ncgen_run *r, ncgen_tree_work *w)
+{
+    put_all(r, w, FORCE, w->bias);
+    for (const ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; ++own) {
+        const ncgen_real x[3] = {w->bias[own->reference[0]], w->bias[own->reference[1]], w->bias[own->reference[2]]};
+        ncgen_put3(x, own->lane, CHANGE);
+    }
+    for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b)
+        set_momentum(b);
+}
+
 void ncgen_tree_spread_changes(ncgen_tree_work *w)
 {
     for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
@@ -303,6 +347,19 @@ void ncgen_tree_spread_changes(ncgen_tree_work *w)
             add_cross(twist, speed, acceleration);
             for (int i = 0; i < 3; ++i)
                 s->numbers[MOVED + i] = acceleration[i] + s->numbers[IS_POINT] * change[3 + i];
+        }
+    }
+}
+
+void ncgen_tree_turn_elements(ncgen_tree_work *w)
+{
+    for (int i = 0; i < w->n_blocks; ++i) {
+        lanes turn[12];
+        set(12, w->turns + 12 * i, turn);
+        for (ncgen_tree_slot *s = w->block[i].slot, *end = s + w->block[i].n_own; s < end; ++s) {
+            const lanes x = s->numbers[FIRST], y = s->numbers[FIRST + 1], z = s->numbers[FIRST + 2];
+            for (int k = 0; k < 3; ++k)
+                s->numbers[MOVED + k] = s->numbers[IS_POINT] * turn[9 + k] + turn[k] * x + turn[3 + k] * y + turn[6 + k] * z;
         }
     }
 }

@@ -31,8 +31,14 @@ void ncgen_tree_set_wrenches(ncgen_tree_work *w);
 void ncgen_tree_add_forces(ncgen_tree_work *w);
 void ncgen_tree_set_forces(ncgen_tree_work *w);
 
+/* As the wrenches, the momenta of the bodies' own mass where coordinates have velocities that their links do not have: w->bias. */
+void ncgen_tree_set_momenta(const ncgen_run *r, ncgen_tree_work *w);
+
 /* Accelerations of elements from those of the links without the joints' and what these add. */
 void ncgen_tree_spread_changes(ncgen_tree_work *w);
+
+/* Places of elements, where velocities are else, from w->turns and levers of the first position. */
+void ncgen_tree_turn_elements(ncgen_tree_work *w);
 
 /* Velocities of elements by what is in the wrenches. */
 void ncgen_tree_spread_added(ncgen_tree_work *w);

@@ -47,16 +47,9 @@ static void clear_row(const ncgen_run *r, ncgen_tree_work *w, int row)
 
 void ncgen_tree_respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
 {
-    ncgen_tree_begin_pushes(w);
     ncgen_tree_put(r, w, FORCE, w->force);
     ncgen_tree_set_forces(w);
-    ncgen_tree_push(w);
-    ncgen_tree_release(w);
-    ncgen_tree_spread_added(w);
-    ncgen_tree_measure_pushes(w);
-    ncgen_tree_take(r, w, w->moved);
-    for (int i = 0; i < r->n; ++i)
-        x[i] += w->moved[i];
+    ncgen_tree_respond_to_wrenches(r, w, x);
 }
 
 /* A row of the matrix with its column, and what belongs to it, changes places with another one. */

@@ -1,9 +1,17 @@
 /* ncgen_tree_records.c: the tables of an open tree as records, which every evaluation reads one after the other, and the masses in them. */
 #include "ncgen_tree_records.h"
 
+/* Room that begins with a line of the cache, whatever stands in it. */
+static void *take_lines(ncgen_space *space, int count)
+{
+    enum { LINE = 64 };
+    char *part = (char *)ncgen_take(space, count + LINE / (int)sizeof(ncgen_real));
+    return part ? part + (LINE - (size_t)part % LINE) % LINE : NULL;
+}
+
 static ncgen_real *take_records(ncgen_space *space, int count, size_t size)
 {
-    return ncgen_take(space, count * (int)(size / sizeof(ncgen_real)));
+    return (ncgen_real *)take_lines(space, count * (int)(size / sizeof(ncgen_real)));
 }
 
 /* The slot of a member of a link's body: that of an element that stands with the link, or of the next other one. */
@@ -34,12 +42,9 @@ static int count_slots(const ncgen_tree *tree, int first, int *n_own)
     return *n_own + most;
 }
 
-/* Lanes begin with a line of the cache. */
 static ncgen_link_lanes *take_lanes(ncgen_space *space, int count)
 {
-    enum { LINE = 64 };
-    char *part = (char *)ncgen_take(space, count * NCGEN_LINK_LANES + LINE / (int)sizeof(ncgen_real));
-    return part ? (ncgen_link_lanes *)(part + (LINE - (size_t)part % LINE) % LINE) : NULL;
+    return (ncgen_link_lanes *)take_lines(space, count * NCGEN_LINK_LANES);
 }
 
 /* Slots of what belongs to no element: measured coordinates. */
@@ -105,7 +110,7 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->mass = ncgen_take(space, ncgen_nonzeros(&r->model->mass_pattern));
     w->joined = tree->n_groups ? ncgen_take(space, 6 * (tree->n_links + tree->n_groups)) : NULL;
     w->group = ncgen_take(space, 2 * tree->n_groups);
-    w->bias = ncgen_take(space, r->n);
+    w->bias = ncgen_take(space, n_all);
     w->step = ncgen_take(space, r->n + tree->n_copies);
     w->jacobian = ncgen_take(space, n_values);
     w->scaled = ncgen_take(space, n_values);
@@ -115,8 +120,8 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->first = ncgen_take(space, n_all);
     w->placed = ncgen_take(space, n_all);
     w->axes = ncgen_take(space, 4 * tree->n_screws);
-    w->travel = ncgen_take(space, tree->n_screws);
-    w->turns = ncgen_take(space, 12 * tree->n_links);
+    w->travel = ncgen_take(space, 4 * tree->n_screws);
+    w->turns = take_lanes(space, 12 * w->n_blocks);
     w->gamma = ncgen_take(space, r->m);
     if (tree->n_closing)
         lay_out_loops(r, w);
@@ -251,8 +256,11 @@ static void begin(const ncgen_run *r, ncgen_tree_work *w)
         begin_screw(w, k);
     for (int i = 0; i < tree->n_fixed; ++i) {
         w->values[r->n + i] = tree->fixed[i];
-        w->force[r->n + i] = 0;
+        w->force[r->n + i] = w->bias[r->n + i] = 0;
     }
+    w->is_measured_in_order = tree->n_measured == tree->n_screws;
+    for (int i = 0; i < tree->n_measured; ++i)
+        w->is_measured_in_order = w->is_measured_in_order && tree->measured[2 * i + 1] == i;
 }
 
 /* The masses of a link's members; the number behind the last of them stands for the reference point. */

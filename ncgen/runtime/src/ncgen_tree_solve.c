@@ -6,6 +6,8 @@
  * A is the inertia that a link carries without its group.
  */
 #include "ncgen_tree_solve.h"
+#include "ncgen_tree_bodies.h"
+#include "ncgen_tree_hinges.h"
 #include "ncgen_tree_singles.h"
 
 static inline ncgen_real dot6(const ncgen_real *a, const ncgen_real *b)
@@ -20,19 +22,8 @@ static inline void take_share(ncgen_real share, const ncgen_real *momentum, ncge
     ncgen_add_times(-share, momentum + 3, wrench + 3);
 }
 
-/* What moves with a link: the inertia and the wrench that its parent gets. */
-typedef struct carried {
-    ncgen_real inertia[INERTIA], wrench[6];
-} carried;
-
-/* A wrench about a point that is d away from the one it is about now. */
-static inline void shift_wrench(const ncgen_real *d, ncgen_real *wrench)
-{
-    ncgen_add_cross(d, wrench + 3, wrench);
-}
-
 /* The inertia and the wrench beyond a screw without what it does not pass on; 0 where it moves nothing. */
-static inline int eliminate(ncgen_tree_screw *screw, int turns, carried *own)
+static inline int eliminate(ncgen_tree_screw *screw, int turns, ncgen_tree_carried *own)
 {
     const int along = turns ? 0 : 3;
     ncgen_real momentum[6];
@@ -58,7 +49,7 @@ static ncgen_real *joined_before(const ncgen_tree_work *w, const ncgen_tree_link
 
 /* A link of a group takes nothing from what is beyond it: its screw adds to the group's momentum, pivot and push, and the carrier
  * takes all. */
-static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw, const carried *carries)
+static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw, const ncgen_tree_carried *carries)
 {
     const ncgen_tree_link *own = w->link + link;
     const int along = screw->turns ? 0 : 3;
@@ -75,7 +66,7 @@ static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw, const ca
 }
 
 /* The pivots of groups that hang on a link, whose inertia and wrench lose what they do not pass on; 0 where one of them moves nothing. */
-static int close_groups(ncgen_tree_work *w, int link, carried *carries)
+static int close_groups(ncgen_tree_work *w, int link, ncgen_tree_carried *carries)
 {
     int is_regular = 1;
     for (int group = 0; group < w->tree->n_groups; ++group) {
@@ -134,63 +125,15 @@ static ncgen_real trace_of(const ncgen_real *symmetric)
 
 /* The tree --------------------------------------------------------------------------------------------------------- */
 
-/* What is carried to a link, and its own body's. */
-static inline void add_body(const ncgen_tree_link *own, const carried *from, carried *to)
-{
-    const ncgen_real *lane = own->lane, *inertia = from->inertia, *before = from->wrench, mass = lane[MASS * NCGEN_LINK_LANES];
-    ncgen_real second[6], first[3], wrench[6];
-    ncgen_get6(lane, MOMENTS, second);
-    ncgen_get3(lane, MOMENTS + 6, first);
-    ncgen_get6(lane, WRENCH, wrench);
-    const ncgen_real a[6] = {inertia[0] + (second[1] + second[2]), inertia[1] + (second[0] + second[2]), inertia[2] + (second[0] + second[1]),
-                             inertia[3] - second[3], inertia[4] - second[4], inertia[5] - second[5]};
-    const ncgen_real *B = inertia + MIXED, *M = inertia + ALONG;
-    const ncgen_real b[9] = {B[0], B[1] - first[2], B[2] + first[1], B[3] + first[2], B[4], B[5] - first[0], B[6] - first[1],
-                             B[7] + first[0], B[8]};
-    const ncgen_real c[6] = {M[0] + mass, M[1] + mass, M[2] + mass, M[3], M[4], M[5]};
-    for (int i = 0; i < 6; ++i)
-        to->inertia[TURNING + i] = a[i];
-    for (int i = 0; i < 9; ++i)
-        to->inertia[MIXED + i] = b[i];
-    for (int i = 0; i < 6; ++i)
-        to->inertia[ALONG + i] = c[i];
-    for (int i = 0; i < 6; ++i)
-        to->wrench[i] = before[i] + wrench[i];
-}
-
 /* The inertia that a link has of others that hang on it without standing next to it. */
-static void add_sum(const ncgen_tree_link *own, carried *to)
+static void add_sum(const ncgen_tree_link *own, ncgen_tree_carried *to)
 {
     for (int i = 0; i < INERTIA; ++i)
         to->inertia[i] += own->inertia[i];
 }
 
-/* The same of a hinge alone: what its parent gets in place of what was carried to its link. What it does not pass on moves to the parent's
- * point by itself, so that nothing else waits for the division. */
-static inline int pass_hinge(const ncgen_tree_link *own, ncgen_tree_screw *screw, carried *passed)
-{
-    const ncgen_real d[3] = {own->offset[0], own->offset[1], own->offset[2]};
-    ncgen_real axis[3], momentum[6];
-    carried carries;
-    add_body(own, passed, &carries);
-    ncgen_set3(screw->axis, axis);
-    ncgen_find_momentum(carries.inertia, 1, axis, momentum);
-    const ncgen_real pivot = screw->rotor + ncgen_dot3(axis, momentum), inverse = 1 / pivot;
-    const ncgen_real push = screw->push + ncgen_dot3(axis, carries.wrench);
-    screw->pivot = inverse;
-    screw->push = push;
-    ncgen_set6(momentum, screw->momentum);
-    shift_wrench(d, carries.wrench);
-    shift_wrench(d, momentum);
-    take_share(inverse * push, momentum, carries.wrench);
-    ncgen_set6(carries.wrench, passed->wrench);
-    ncgen_set_shifted(carries.inertia, d, passed->inertia);
-    ncgen_add_own_product(-inverse, momentum, passed->inertia);
-    return pivot > 0;
-}
-
 /* What a link passes on joins what its parent carries already. */
-static void add_carried(const carried *passed, ncgen_tree_link *parent)
+static void add_carried(const ncgen_tree_carried *passed, ncgen_tree_link *parent)
 {
     for (int i = 0; i < INERTIA; ++i)
         parent->inertia[i] += passed->inertia[i];
@@ -209,48 +152,54 @@ static void begin_sums(ncgen_tree_work *w)
 }
 
 /* A link that is not a hinge alone: what its parent gets of what it carries; 0 where a joint moves nothing. */
-static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, carried *passed)
+static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncgen_tree_carried *passed)
 {
     const ncgen_tree_link *own = w->link + link;
-    carried carries;
-    add_body(own, passed, &carries);
+    ncgen_tree_carried carries;
+    ncgen_tree_add_body(own, passed, &carries);
     int is_regular = w->tree->n_groups ? close_groups(w, link, &carries) : 1;
     const ncgen_real turning = trace_of(carries.inertia + TURNING), along = trace_of(carries.inertia + ALONG);
     if (own->group >= 0)
         join(w, link, screws, &carries);
     for (int k = own->group >= 0 ? -1 : own->n_screws - 1; k >= 0; --k)
         is_regular &= eliminate(screws + k, screws[k].turns, &carries);
+    if (own->is_hinge) {
+        ncgen_real momentum[6];
+        ncgen_set6(screws->momentum, momentum);
+        ncgen_shift_wrench(own->offset, momentum);
+        for (int i = 0; i < 6; ++i)
+            screws->share[i] = screws->pivot * momentum[i];
+    }
     if (w->tree->n_closing && own->group < 0)
         is_regular &= has_inertia(screws, own->n_screws, turning, along);
     ncgen_set_shifted(carries.inertia, own->offset, passed->inertia);
     ncgen_set6(carries.wrench, passed->wrench);
-    shift_wrench(own->offset, passed->wrench);
+    ncgen_shift_wrench(own->offset, passed->wrench);
     return is_regular;
 }
 
 int ncgen_tree_reduce(ncgen_tree_work *w)
 {
-    static const carried nothing;
+    static const ncgen_tree_carried nothing;
     const int n_groups = w->tree->n_groups, has_hinges_alone = !n_groups && !w->tree->n_closing;
-    ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
-    carried passed = nothing;
+    ncgen_tree_carried passed = nothing;
     int is_regular = 1;
     if (n_groups)
         clear_groups(w);
     begin_sums(w);
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
-        const ncgen_tree_link *own = w->link + link;
-        screw -= own->n_screws;
-        if (own->has_sum)
-            add_sum(own, &passed);
-        if (own->is_hinge && has_hinges_alone)
-            is_regular &= pass_hinge(own, screw, &passed);
+        ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
+        if (w->link[link].has_sum)
+            add_sum(w->link + link, &passed);
+        if (w->link[link].is_hinge && has_hinges_alone)
+            link = ncgen_tree_pass_hinges(w, link, screw, &passed, &is_regular);
         else
             is_regular &= pass_any(w, link, screw, &passed);
-        if (own->parent == link - 1)
+        const int parent = w->link[link].parent;
+        if (parent == link - 1)
             continue;
-        if (own->parent >= 0)
-            add_carried(&passed, w->link + own->parent);
+        if (parent >= 0)
+            add_carried(&passed, w->link + parent);
         passed = nothing;
     }
     return n_groups ? is_regular & close_groups(w, -1, &passed) : is_regular;
@@ -304,42 +253,59 @@ void ncgen_tree_push_link(ncgen_tree_work *w, int link, ncgen_real *pushes, ncge
 void ncgen_tree_begin_pushes(ncgen_tree_work *w)
 {
     const ncgen_tree *tree = w->tree;
+    ncgen_tree_screw *screw = w->screw;
+    for (int i = 0; i < (w->is_measured_in_order ? tree->n_measured : 0); ++i, ++screw)
+        screw->push = tree->ratios[i] * w->force[screw->coordinate];
+    if (w->is_measured_in_order)
+        return;
     for (int k = 0; k < tree->n_screws; ++k)
         w->screw[k].push = 0;
     for (int i = 0; i < tree->n_measured; ++i)
         w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
 }
 
+/* The pushes of any joint, which takes its part of what is carried to its link, and what its parent gets. */
+static void push_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncgen_real *passed)
+{
+    const ncgen_tree_link *own = w->link + link;
+    ncgen_real wrench[6];
+    ncgen_get6(own->lane, WRENCH, wrench);
+    ncgen_add_times(1, passed, wrench);
+    ncgen_add_times(1, passed + 3, wrench + 3);
+    if (w->tree->n_groups)
+        take_shares_of_groups(w, link, wrench);
+    for (ncgen_tree_screw *screw = screws + own->n_screws; screw-- > screws;) {
+        screw->push += ncgen_dot3(screw->axis, wrench + (screw->turns ? 0 : 3));
+        if (own->group >= 0)
+            w->group[2 * own->group + 1] += screw->ratio * screw->push;
+        else
+            take_share(screw->pivot * screw->push, screw->momentum, wrench);
+    }
+    ncgen_shift_wrench(own->offset, wrench);
+    ncgen_set6(wrench, passed);
+}
+
 void ncgen_tree_push(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
-    ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
+    ncgen_real passed[6] = {0, 0, 0, 0, 0, 0};
     for (int group = 0; group < n_groups; ++group)
         w->group[2 * group + 1] = 0;
     for (int link = w->tree->n_links - 1; link >= 0; --link) {
-        const ncgen_tree_link *own = w->link + link;
-        ncgen_real wrench[6];
-        ncgen_get6(own->lane, WRENCH, wrench);
-        if (n_groups)
-            take_shares_of_groups(w, link, wrench);
-        for (int k = 0; k < own->n_screws; ++k) {
-            --screw;
-            screw->push += ncgen_dot3(screw->axis, wrench + (screw->turns ? 0 : 3));
-            if (own->group >= 0)
-                w->group[2 * own->group + 1] += screw->ratio * screw->push;
-            else
-                take_share(screw->pivot * screw->push, screw->momentum, wrench);
+        ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
+        if (w->link[link].is_hinge && !n_groups)
+            link = ncgen_tree_push_hinges(w, link, screw, passed);
+        else
+            push_any(w, link, screw, passed);
+        const int parent = w->link[link].parent;
+        if (parent == link - 1)
+            continue;
+        for (int i = 0; i < 6; ++i) {
+            if (parent >= 0)
+                w->link[parent].lane[(WRENCH + i) * NCGEN_LINK_LANES] += passed[i];
+            passed[i] = 0;
         }
-        pass_wrench(w, own, wrench);
     }
-}
-
-/* How a hinge alone is accelerated by what is left for it, which moves its link besides what moves its parent. */
-static inline void release_hinge(ncgen_tree_screw *screw, ncgen_real *added)
-{
-    const ncgen_real push = screw->pivot * (screw->push - dot6(screw->momentum, added));
-    screw->push = push;
-    ncgen_add_times(push, screw->axis, added);
 }
 
 static void release_any(const ncgen_tree_work *w, const ncgen_tree_link *own, ncgen_tree_screw *screw, ncgen_real *added)
@@ -354,19 +320,34 @@ static void release_any(const ncgen_tree_work *w, const ncgen_tree_link *own, nc
 void ncgen_tree_release(ncgen_tree_work *w)
 {
     const int n_groups = w->tree->n_groups;
-    ncgen_tree_screw *screw = w->screw;
     if (n_groups)
         release_groups(w, -1, ncgen_nothing);
-    for (const ncgen_tree_link *own = w->link, *end = own + w->tree->n_links; own < end; screw += own->n_screws, ++own) {
+    for (int link = 0; link < w->tree->n_links;) {
+        const ncgen_tree_link *own = w->link + link;
+        ncgen_tree_screw *screw = w->screw + w->tree->screw_start[link];
+        if (own->is_hinge && !n_groups) {
+            link = ncgen_tree_release_hinges(w, link, screw);
+            continue;
+        }
         ncgen_real added[6];
         ncgen_get6(ncgen_lane_before(w, own), WRENCH, added);
         ncgen_add_cross(added, own->offset, added + 3);
-        if (own->is_hinge)
-            release_hinge(screw, added);
-        else
-            release_any(w, own, screw, added);
+        release_any(w, own, screw, added);
         if (n_groups)
-            release_groups(w, (int)(own - w->link), added);
+            release_groups(w, link, added);
         ncgen_put6(added, own->lane, WRENCH);
+        ++link;
     }
+}
+
+void ncgen_tree_respond_to_wrenches(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
+{
+    ncgen_tree_begin_pushes(w);
+    ncgen_tree_push(w);
+    ncgen_tree_release(w);
+    ncgen_tree_spread_added(w);
+    ncgen_tree_measure_pushes(w);
+    ncgen_tree_take(r, w, w->moved);
+    for (int i = 0; i < r->n; ++i)
+        x[i] += w->moved[i];
 }

@@ -17,6 +17,9 @@ void ncgen_tree_push(ncgen_tree_work *w);
 /* Of one link, into arrays of all screws and groups, with the forces along its coordinates; its wrench is then what its parent gets. */
 void ncgen_tree_push_link(ncgen_tree_work *w, int link, ncgen_real *pushes, ncgen_real *group_pushes);
 
+/* x grows by what the wrenches, and forces along the coordinates that measure screws, change of the velocities of all coordinates. */
+void ncgen_tree_respond_to_wrenches(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x);
+
 /* What the joints' rates change by, in pushes, and the links by that, in wrenches. */
 void ncgen_tree_release(ncgen_tree_work *w);
 

@@ -31,7 +31,7 @@ typedef struct ncgen_tree_link {
 typedef struct ncgen_tree_element {
     int c[3]; /* its components */
     ncgen_scalar is_point, heaviness;
-    const ncgen_real *lane; /* its numbers in its slot */
+    ncgen_real *lane; /* its numbers in its slot */
 } ncgen_tree_element;
 
 /* What has mass that is the same along all axes. */
@@ -51,6 +51,7 @@ typedef struct ncgen_tree_screw {
     ncgen_scalar ratio, slowness; /* its rate over that of its leader; over that of the coordinate, 1 without one */
     ncgen_real axis[3];
     ncgen_real momentum[6]; /* at rate 1 */
+    ncgen_real share[6];    /* of a hinge alone: the same over screw . momentum, about the reference point of the parent */
     ncgen_real pivot;       /* 1 / (screw . momentum) */
     ncgen_real push;        /* force along a measured coordinate, then what is left for the screw, then its acceleration */
     ncgen_real rate;
@@ -66,6 +67,7 @@ typedef struct ncgen_tree_place {
 typedef struct ncgen_tree_work {
     const ncgen_tree *tree;
     int mass_is_there;
+    int is_measured_in_order; /* the k-th measured coordinate is that of the k-th screw, of every one */
     int is_factored, is_regular; /* momenta and pivots are those of the position in `values`; every joint moves something */
     int n_blocks, n_others; /* elements of other links between which bodies have mass, three components of each */
     ncgen_tree_block *block;
@@ -83,7 +85,7 @@ typedef struct ncgen_tree_work {
     ncgen_real *mass;   /* values of M */
     ncgen_real *joined; /* 6 a link of a group, then 6 a group for its carrier: momentum at rate 1 of the group's first screw */
     ncgen_real *group;  /* 2 a group: 1 / its pivot, and its push, then what is left for it */
-    ncgen_real *bias;            /* n */
+    ncgen_real *bias;            /* n + n_fixed: of velocities, then zeros */
     ncgen_real *step;            /* n + n_copies: of a position */
     ncgen_real *jacobian;        /* values of Phi_q */
     ncgen_real *scaled;          /* ... in natural sizes of the coordinates */
@@ -91,7 +93,7 @@ typedef struct ncgen_tree_work {
     int closed_form;             /* are positions known from measured coordinates? NCGEN_UNKNOWN: not looked at yet */
     ncgen_real *first, *placed;  /* n + n_fixed: the first position of the run, and one in closed form */
     ncgen_real *axes;            /* 4 a screw: its unit axis in the first position, and how long that was */
-    ncgen_real *travel;          /* of a screw: its rate summed up since then */
+    ncgen_real *travel;          /* of a screw: its rate summed up since then; of all half a turn; 1 - cosine; sine */
     int are_there;               /* is the matrix of closing rows that of the position in `values`? */
     int n_rows;                  /* of the matrix: n_closing, or n_opposed since a position where the former nearly depended on each other */
     ncgen_real least_share;      /* of a pivot of the matrix in its row's own response: small where closing rows are about to depend */
@@ -102,7 +104,7 @@ typedef struct ncgen_tree_work {
     ncgen_real *gamma;           /* n_rows: of accelerations, or of positions */
     ncgen_real *still, *room;    /* n, n + 1 */
     int *order;                  /* n_opposed: in which rows are eliminated */
-    ncgen_real *turns;           /* 12 a link: columns of its rotation since then, and its reference point */
+    ncgen_link_lanes *turns;     /* 12 a block: columns of rotations since then, and reference points */
 } ncgen_tree_work;
 
 enum { NCGEN_UNKNOWN = -1 };
@@ -125,6 +127,12 @@ static inline void ncgen_tree_go_on(const ncgen_tree_link *own, ncgen_tree_place
 static inline const ncgen_real *ncgen_lane_before(const ncgen_tree_work *w, const ncgen_tree_link *own)
 {
     return w->link[own->parent].lane;
+}
+
+/* Of a link 12 numbers of w->turns. */
+static inline ncgen_real *ncgen_turn_lane(const ncgen_tree_work *w, int link)
+{
+    return (ncgen_real *)(w->turns + 12 * (link / NCGEN_LINK_LANES)) + link % NCGEN_LINK_LANES;
 }
 
 /* Is all mass the same along all axes? */
