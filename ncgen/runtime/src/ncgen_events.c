@@ -149,8 +149,6 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
     for (int k = 0; k < i->count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         const int bounced = resting[k];
-        if (impact && ncgen_is_closed(i, k) && is_still(i, k))
-            i->passage->signs[k] = 1; /* it is closed if it falls from here on */
         resting[k] = 0;
         i->velocities[k] = -1; /* room for the time in which bounces end */
         if (!bounced || (rates[k] < 0 && !chain->happened[k])) /* it is still to be hit */
@@ -184,7 +182,7 @@ static int act_all(void *context)
     for (int k = 0; k < ncgen_n_events(i) && status == NCGEN_OK; ++k)
         if (due[k] && (hit || !ncgen_impact_of(i->events, k)))
             status = act(i, k);
-    return status == NCGEN_OK ? ncgen_hit_remaining(i) : status;
+    return status == NCGEN_OK && (ncgen_was_hit(i) || i->events->n_holds) ? ncgen_hit_remaining(i) : status;
 }
 
 static int look_again(void *context)
