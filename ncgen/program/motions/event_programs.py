@@ -183,13 +183,13 @@ def terms_of(expression: Scalar) -> sympy.Expr:
     return sympy.Add(*(sympy.Abs(term) for term in sympy.Add.make_args(formula)))
 
 
-def _size(formula: sympy.Expr) -> sympy.Expr:
+def _size(formula: sympy.Basic) -> sympy.Expr:
     """An expression with the sizes of its terms for these, so that none takes another away."""
     import sympy
 
-    if formula.is_Add or formula.is_Mul:
+    if isinstance(formula, (sympy.Add, sympy.Mul)):
         return formula.func(*map(_size, formula.args))
-    if formula.is_Pow and formula.exp.is_Integer and formula.exp > 0:
+    if isinstance(formula, sympy.Pow) and formula.exp.is_Integer and formula.exp.is_positive:
         return _size(formula.base) ** formula.exp
     return sympy.Abs(formula)
 

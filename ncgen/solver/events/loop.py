@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from ncgen.mechanism.chain_in_c import is_at_rest, is_zero, time_of_bounces
 from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.sliding_in_c import unseen_velocities
+from ncgen.solver.engines.compiled import STIFFNESS_REASON
 from ncgen.solver.events.active_constraints import ActiveConstraints
 from ncgen.solver.events.conditions import VALUE_ROUNDING, EventFunctions
 from ncgen.solver.events.instants import Instant
@@ -29,12 +30,16 @@ if TYPE_CHECKING:
     from ncgen.solver.engines.segments import Engine
 
 
-def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, passage: Passage) -> str | None:
+def through_events(
+    engine: Engine, path: Path, kernels: Kernels, task: Task, passage: Passage, when_stiff: Callable[[], Task | None] | None = None
+) -> str | None:
     """Complete an empty path as an engine does, with the events of the model.
 
+    when_stiff: gives the task by an implicit method with which the run goes on where the mechanism is found stiff
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
     loop = EventLoop(engine, kernels, State(t=float(task.grid[0]), q=task.q, qd=task.velocities, p=task.p), passage)
+    loop.when_stiff = when_stiff
     loop._see(task)
     ends = loop.begin()
     return loop.run(path, task, ends)
@@ -50,6 +55,7 @@ class EventLoop:
 
     path: Path
     task: Task
+    when_stiff: Callable[[], Task | None] | None = None
 
     def __init__(self, engine: Engine, kernels: Kernels, at: State, passage: Passage) -> None:
         self.engine, self.kernels, self.passage = engine, kernels, passage
@@ -73,6 +79,8 @@ class EventLoop:
         while True:
             segment, before = Path.empty(self.kernels.n, None), self.at.t
             reason = self._part(segment)
+            if reason == STIFFNESS_REASON and self._is_now_implicit():
+                continue
             if reason or segment.stopped is None:
                 return reason
             stops = self._is_stop(segment.crossed)
@@ -86,6 +94,16 @@ class EventLoop:
             repeated = repeated + 1 if self.at.t == before else 0
             if repeated > MOST_REPEATED:
                 raise self._endless(segment.crossed)
+
+    def _is_now_implicit(self) -> bool:
+        """Whether the run goes on by an implicit method, from its last row or the last event, whichever is later."""
+        task, path = self.when_stiff() if self.when_stiff else None, self.path
+        if task is None:
+            return False
+        self.task, self.first_step = task, 0.0
+        if len(path.q) and (t := float(task.grid[len(path.q) - 1])) > self.at.t:
+            self.at, self.work = replace(self.at, t=t, q=path.q[-1], qd=path.qd[-1]), float(path.work[-1])
+        return True
 
     def _endless(self, crossed: tuple[int, ...]) -> ConvergenceError:
         """Events that happen at one instant again and again."""
@@ -106,8 +124,8 @@ class EventLoop:
         conditions, loads = self.watched(task.stop)
         part_task = replace(
             task, grid=np.concatenate([[at.t] * fresh, ahead]), movable=extra_times, q=at.q, velocities=at.qd, p=at.p,
-            conditions=conditions, rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
-            inspected=None, sibling=None,
+            conditions=conditions, rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step,
+            stop_when_stiff=task.stop_when_stiff and self.when_stiff is not None, inspected=None, sibling=None,
         )  # fmt: skip
         try:
             return self.engine(segment, self.mode, part_task)
@@ -310,8 +328,10 @@ class EventLoop:
             may_begin = k in functions.turns.values()  # in space it has to become faster first than where it comes to rest
             self.signs[k] = 0 if ways[k] == UNWATCHED or may_begin else -int(ways[k])
         active = self.active_constraints
+        unhit = instant.turning if np.array_equal(instant.before.qd, self.at.qd) else ()  # it falls by rounding, where it is let go
         for k, event in enumerate(functions.events):
-            if k in active.left or (event.impact and active.is_closed(k, self.at) and active.is_still(k, self.at)):
+            rests = event.impact and k not in unhit and active.is_closed(k, self.at) and active.is_still(k, self.at)
+            if k in active.left or rests:
                 self.signs[k] = 1  # it is closed if it falls from here on
 
     def _resting(self, happened: np.ndarray, is_hit: bool) -> dict[int, tuple[str, float]]:

@@ -90,7 +90,7 @@ class RunUnderWay:
             refused = self._in_c(form)
             if refused == compiled.STIFFNESS_REASON:
                 refused = self._go_on_implicit(form)
-                form = motion.form(self.choice) if form == "tree" else form
+            form = self._form_now(form)
             if refused and settings.needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {_remedy(settings)} it continues in Python")
         if refused is not None:
@@ -136,7 +136,7 @@ class RunUnderWay:
                 return compiled.STIFFNESS_REASON
             self.choice, self._plan = other, self.motion.plan(other)
             if other.method.is_constrained:
-                return self._in_c(self.motion.form(other) if form == "tree" else form)
+                return self._in_c(self._form_now(form))
             path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.motion.start.p, self.motion.run.initial.z)
             return self.motion.refusal(other) or self._in_c("dense")
         except (SingularError, ModelError, ConvergenceError) as error:
@@ -145,13 +145,26 @@ class RunUnderWay:
                 "mechanism comes to a singular position there, or rtol asks for less than rounding leaves"
             ) from error
 
+    def _form_now(self, form: Form) -> Form:
+        """The form of accelerations for the method that continues, where one by tables may have none; form: of those so far."""
+        return self.motion.form(self.choice) if form == "tree" else form
+
+    def _implicit_task(self) -> Task | None:
+        """What is asked of an engine where a run with events is found stiff, over all coordinates; None where its method was named."""
+        other = stiff_choice(self.motion.run.settings, self.choice, recurs=True)
+        if other is None:
+            return None
+        self.choice, self._plan = other, self.motion.plan(other)
+        return self._task()
+
     def _in_c(self, form: Form) -> str | None:
         """Why C did not come to the end, or None."""
         motion, kernels, task, dense = self.motion, self.kernels, self._task(), "dense" if form == "tree" else form
 
         def engine(path: Path, moved: Kernels, task: Task) -> str | None:
             if task.method.is_constrained:
-                moved_form = form if moved is kernels or form == "dense" else acceleration_forms.form_of(moved, task.method)
+                own = self._form_now(form)
+                moved_form = own if moved is kernels or form == "dense" else acceleration_forms.form_of(moved, task.method)
                 return compiled.run_constrained(path, moved, task, moved_form)
             return compiled.run(path, kernels, task, dense)
 
@@ -166,7 +179,7 @@ class RunUnderWay:
             return whole(self.path, kernels, task)
         from ncgen.solver.events.loop import through_events
 
-        return through_events(whole, self.path, kernels, task, self.passage)
+        return through_events(whole, self.path, kernels, task, self.passage, None if form == "dense" else self._implicit_task)
 
     def _in_python(self) -> None:
         from ncgen.solver.engines import reference, segments
