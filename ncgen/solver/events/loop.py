@@ -35,7 +35,7 @@ def through_events(
 ) -> str | None:
     """Complete an empty path as an engine does, with the events of the model.
 
-    when_stiff: gives the task by an implicit method with which the run goes on where the mechanism is found stiff
+    when_stiff: gives the task by an implicit method with which the run continues where the mechanism is found stiff
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
     loop = EventLoop(engine, kernels, State(t=float(task.grid[0]), q=task.q, qd=task.velocities, p=task.p), passage)
@@ -62,6 +62,7 @@ class EventLoop:
         self.functions = EventFunctions(kernels)
         self.active_constraints = ActiveConstraints(self.functions)
         self.at, self.work, self.first_step = at, 0.0, 0.0
+        self._unhit: dict[int, float] = {}  # when gaps were closed that nothing hit
         self.signs = np.zeros(self.functions.count, dtype=int)
         self.held: tuple[int, ...] = ()
         self.mode = kernels
@@ -96,7 +97,7 @@ class EventLoop:
                 raise self._endless(segment.crossed)
 
     def _is_now_implicit(self) -> bool:
-        """Whether the run goes on by an implicit method, from its last row or the last event, whichever is later."""
+        """Whether the run continues by an implicit method, from its last row or the last event, whichever is later."""
         task, path = self.when_stiff() if self.when_stiff else None, self.path
         if task is None:
             return False
@@ -328,9 +329,11 @@ class EventLoop:
             may_begin = k in functions.turns.values()  # in space it has to become faster first than where it comes to rest
             self.signs[k] = 0 if ways[k] == UNWATCHED or may_begin else -int(ways[k])
         active = self.active_constraints
-        unhit = instant.turning if np.array_equal(instant.before.qd, self.at.qd) else ()  # it falls by rounding, where it is let go
+        unhit = dict.fromkeys(instant.turning, self.at.t) if np.array_equal(instant.before.qd, self.at.qd) else {}
+        again = unhit.keys() & {k for k, t in self._unhit.items() if t == self.at.t}  # these fall by rounding alone
+        self._unhit = unhit
         for k, event in enumerate(functions.events):
-            rests = event.impact and k not in unhit and active.is_closed(k, self.at) and active.is_still(k, self.at)
+            rests = event.impact and k not in again and active.is_closed(k, self.at) and active.is_still(k, self.at)
             if k in active.left or rests:
                 self.signs[k] = 1  # it is closed if it falls from here on
 

@@ -163,8 +163,8 @@ class RunUnderWay:
 
         def engine(path: Path, moved: Kernels, task: Task) -> str | None:
             if task.method.is_constrained:
-                own = self._form_now(form)
-                moved_form = own if moved is kernels or form == "dense" else acceleration_forms.form_of(moved, task.method)
+                is_own = moved is kernels or form == "dense"
+                moved_form = self._form_now(form) if is_own else acceleration_forms.form_of(moved, task.method)
                 return compiled.run_constrained(path, moved, task, moved_form)
             return compiled.run(path, kernels, task, dense)
 
