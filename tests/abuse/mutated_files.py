@@ -247,13 +247,13 @@ def _table(chance, text: str) -> str:
     lines = [f"[[{word}]]"]
     for key, parameter in signature_of(word).parameters.items():
         if parameter.default is parameter.empty or chance.random() < 0.3:
-            values = [_argument(chance, kind_of(parameter), names) for _ in range(2)]
+            values = [argument(chance, kind_of(parameter), names) for _ in range(2)]
             lines.append(f"{key} = {values[0]}" if parameter.kind is not parameter.VAR_POSITIONAL else f"{key} = [{', '.join(values)}]")
     tables.insert(len(tables) if chance.random() < 0.7 else chance.randrange(1, len(tables) + 1), "\n".join(lines))
     return "\n\n".join(tables)
 
 
-def _argument(chance, kind: str, names: dict[str, list[str]]) -> str:
+def argument(chance, kind: str, names: dict[str, list[str]]) -> str:
     def any_of(*kinds: str) -> str:
         return chance.choice([name for kind in kinds for name in names[kind]] or ["A"])
 
@@ -289,6 +289,14 @@ def _argument(chance, kind: str, names: dict[str, list[str]]) -> str:
         "Relative": [f'"{any_of(*relative)}"'],
         "Direction": [f'"{vector}"', f'"{one} - {other}"', f'"-{vector}"', f'"2*{one} - {other}"', f'"{one} - {other} + 1e300*{vector}"'],
         "Component | Relative": [f'"{coordinate}"'],
+        "Row": [f'"{any_of("constrain")}"', '"of another"'],
+        "Curve": [f'"{any_of("spline", "table")}"'],
+        "Doing": [
+            "{ impact = { restitution = 0.5 } }",
+            "{ stop = true }",
+            f'{{ "rate({coordinate})" = {value} }}',
+            f"{{ {one} = {value} }}",
+        ],
         "Body": [f'"{any_of("body")}"', f'"{any_of("body")}"', '"ground"'],
         "option": [number, f'"{one}"', '["psi"]', "{ a = 1.0 }", "1e-6", '"dopri5"'],
     }

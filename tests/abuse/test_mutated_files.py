@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
+import random
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import pytest
-from mutated_files import examples, mutated, next_number, outcome, read_all, remember
+from mutated_files import argument, examples, mutated, next_number, outcome, read_all, remember
+
+from ncgen.exchange.words import kind_of, signature_of, words
 
 FEW, MANY = 150, 100_000
 
@@ -15,6 +18,12 @@ FEW, MANY = 150, 100_000
 @pytest.fixture(scope="module")
 def texts():
     return examples()
+
+
+def test_every_kind_of_argument_is_damaged():
+    kinds = {kind_of(parameter) for word in words() for parameter in signature_of(word).parameters.values()}
+    for kind in kinds:
+        assert all(argument(random.Random(seed), kind, defaultdict(list)) for seed in range(20)), kind
 
 
 def test_damaged_files(texts, tmp_path):
