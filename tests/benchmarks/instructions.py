@@ -9,8 +9,9 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,8 +42,7 @@ COMMON = "x86-64-v3"
 
 def instruction_records(model: Model) -> Iterator[dict]:
     """Records of case (the kernel), tool and instructions of one call. Raises NcgenError where valgrind or a compiler is missing."""
-    if shutil.which("valgrind") is None:
-        raise NcgenError("instructions are counted by valgrind, which is not there; install it (Debian: apt install valgrind)")
+    require_valgrind()
     kernels = compile(model, "c")
     inputs = Inputs.typical(kernels)
     prefix = prefix_of(model.name)
@@ -60,6 +60,23 @@ def instruction_records(model: Model) -> Iterator[dict]:
                 numbers = inputs.q, inputs.qd, inputs.p, size
                 yield _record(name, "hand-written", count({path.name: path.read_text("utf-8")}, f"handwritten_{name}", kind, numbers))
         yield from _derivative_records(kernels, count)
+
+
+def require_valgrind() -> None:
+    """Raises NcgenError where it is not there."""
+    if shutil.which("valgrind") is None:
+        raise NcgenError("instructions are counted by valgrind, which is not there; install it (Debian: apt install valgrind)")
+
+
+def counted_by_valgrind(name: str, command: Sequence[str | Path], **options: Any) -> int:
+    """Instructions of a program, called with what follows valgrind's own words; options: of `subprocess.run`. Raises NcgenError."""
+    require_valgrind()
+    valgrind = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
+    done = subprocess.run([*valgrind, *command], capture_output=True, text=True, **options)
+    collected = re.search(r"Collected : (\d+)", done.stderr)
+    if done.returncode or not collected:
+        raise NcgenError(f"{name}: valgrind does not count it: {done.stderr.strip().splitlines()[-1]}")
+    return int(collected[1])
 
 
 def derivative_of_all(model: Model) -> tuple[int, float]:
@@ -117,12 +134,8 @@ class _Counter:
         library = compiled(files, self.flags).library
         q, v, p, size = numbers
         given = " ".join([f"{len(q)} {len(v)} {len(p)} {size}", *(repr(float(x)) for a in (q, v, p) for x in a)])
-        valgrind = ["valgrind", "--tool=callgrind", f"--toggle-collect={counted or function}", "--callgrind-out-file=/dev/null"]
-        done = subprocess.run([*valgrind, self.program, library, function, kind], input=given, capture_output=True, text=True)
-        collected = re.search(r"Collected : (\d+)", done.stderr)
-        if done.returncode or not collected:
-            raise NcgenError(f"{function}: valgrind does not count it: {done.stderr.strip().splitlines()[-1]}")
-        return int(collected[1]) / TIMES
+        command = [f"--toggle-collect={counted or function}", self.program, library, function, kind]
+        return counted_by_valgrind(function, command, input=given) / TIMES
 
 
 def _record(case: str, tool: str, instructions: float) -> dict:

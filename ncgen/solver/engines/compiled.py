@@ -210,12 +210,9 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
                 task.calls[kernels, form] = call
             done = call.simulate(progress)
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
-            counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
             task.looked_at(len(path.q), done.t[fresh:])
-            path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
-            path.jacobians += done.jacobians
-            path.fallbacks += done.fallbacks
-            path.stiff += done.stiff
+            path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work)
+            path.count_run(done)
             if done.stopped:
                 path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
             if done.stopped or done.status == "ok" or len(path.q) == len(grid):

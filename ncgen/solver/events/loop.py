@@ -62,7 +62,7 @@ class EventLoop:
         self.functions = EventFunctions(kernels)
         self.active_constraints = ActiveConstraints(self.functions)
         self.at, self.work, self.first_step = at, 0.0, 0.0
-        self._unhit: dict[int, float] = {}  # when gaps were closed that nothing hit
+        self._unhit: set[tuple[int, float]] = set()  # which gaps closed last, and when, without being hit
         self.signs = np.zeros(self.functions.count, dtype=int)
         self.held: tuple[int, ...] = ()
         self.mode = kernels
@@ -329,9 +329,8 @@ class EventLoop:
             may_begin = k in functions.turns.values()  # in space it has to become faster first than where it comes to rest
             self.signs[k] = 0 if ways[k] == UNWATCHED or may_begin else -int(ways[k])
         active = self.active_constraints
-        unhit = dict.fromkeys(instant.turning, self.at.t) if np.array_equal(instant.before.qd, self.at.qd) else {}
-        again = unhit.keys() & {k for k, t in self._unhit.items() if t == self.at.t}  # these fall by rounding alone
-        self._unhit = unhit
+        unhit = {(k, self.at.t) for k in instant.turning} if np.array_equal(instant.before.qd, self.at.qd) else set()
+        again, self._unhit = {k for k, _ in unhit & self._unhit}, unhit  # twice at one instant: by rounding alone
         for k, event in enumerate(functions.events):
             rests = event.impact and k not in again and active.is_closed(k, self.at) and active.is_still(k, self.at)
             if k in active.left or rests:

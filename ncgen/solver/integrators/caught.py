@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -34,7 +35,7 @@ class Caught:
             raise problem
 
 
-class ForeignSolver(OdeSolver):
+class ForeignSolver(OdeSolver, ABC):
     """Steps of a library, whose solver children make of options and begin at the present state (`_begun`)."""
 
     def __init__(
@@ -57,8 +58,9 @@ class ForeignSolver(OdeSolver):
             jac, rtol=rtol, atol=atol, first_step=first_step or 0.0, max_step=0.0 if np.isinf(max_step) else max_step
         )
 
+    @abstractmethod
     def _begun(self, jac: Slope | None, **options: float | np.ndarray) -> Any:
-        raise NotImplementedError
+        """The library's solver at the present state."""
 
 
 class Asked(DenseOutput):

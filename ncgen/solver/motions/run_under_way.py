@@ -131,14 +131,12 @@ class RunUnderWay:
         path, before = self.path, self.choice.method
         t = self.times[len(path.q) - 1]
         try:
-            other = stiff_choice(self.motion.run.settings, self.choice, form != "dense")
-            if other is None:
+            if not self._becomes_implicit(recurs=form != "dense"):
                 return compiled.STIFFNESS_REASON
-            self.choice, self._plan = other, self.motion.plan(other)
-            if other.method.is_constrained:
+            if self.choice.method.is_constrained:
                 return self._in_c(self._form_now(form))
             path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.motion.start.p, self.motion.run.initial.z)
-            return self.motion.refusal(other) or self._in_c("dense")
+            return self.motion.refusal(self.choice) or self._in_c("dense")
         except (SingularError, ModelError, ConvergenceError) as error:
             raise ConvergenceError(
                 f"{self.kernels.name}: beyond t = {t:.6g} s steps of {before} become tiny and {IMPLICIT} does not go on; the "
@@ -149,13 +147,16 @@ class RunUnderWay:
         """The form of accelerations for the method that continues, where one by tables may have none; form: of those so far."""
         return self.motion.form(self.choice) if form == "tree" else form
 
+    def _becomes_implicit(self, recurs: bool) -> bool:
+        """Whether the run continues by the implicit method, which it does not where its method was named; recurs: as of `stiff_choice`."""
+        other = stiff_choice(self.motion.run.settings, self.choice, recurs)
+        if other is not None:
+            self.choice, self._plan = other, self.motion.plan(other)
+        return other is not None
+
     def _implicit_task(self) -> Task | None:
         """What is asked of an engine where a run with events is found stiff, over all coordinates; None where its method was named."""
-        other = stiff_choice(self.motion.run.settings, self.choice, recurs=True)
-        if other is None:
-            return None
-        self.choice, self._plan = other, self.motion.plan(other)
-        return self._task()
+        return self._task() if self._becomes_implicit(recurs=True) else None
 
     def _in_c(self, form: Form) -> str | None:
         """Why C did not come to the end, or None."""

@@ -76,17 +76,21 @@ class Path:
             self.q, self.qd, self.work = done.q, done.qd, done.work + work if work else done.work
         else:
             self.extend(done.q, done.qd, done.work + work)
+        self.count_run(done)
+        self.projections += done.steps if projects else 0
+        self.largest_projection = max(self.largest_projection, done.largest_projection)
+        self.crossed, self.next_step = done.crossed, done.next_step
+
+    def count_run(self, done: Outcome) -> None:
+        """Add what a run in C counted besides its projections."""
         counts = self.counts
         counts[0] += done.steps
         counts[1] += done.evaluations
         counts[2] += done.newton_steps
         counts[4] += done.repeated
-        self.projections += done.steps if projects else 0
-        self.largest_projection = max(self.largest_projection, done.largest_projection)
         self.jacobians += done.jacobians
         self.fallbacks += done.fallbacks
         self.stiff += done.stiff
-        self.crossed, self.next_step = done.crossed, done.next_step
 
     def take_counts(self, segment: Path) -> None:
         """Add what a part counted besides its rows, and its impulses."""
