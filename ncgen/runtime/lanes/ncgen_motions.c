@@ -108,19 +108,19 @@ static void project_state(run *r, double t, ncgen_real *closed)
         r->offset[i] -= q[i];
     const ncgen_real length = largest_of(n, r->offset, r->per_column);
     r->motion->velocities(ncgen_splat(t), q, r->offset, r->p, r->output);
-    r->good &= (r->output[n] < max_growth) | ~(length > 0.0);
+    r->good &= (r->output[2 * n + 1] < max_growth) | ~(length > 0.0);
     if (r->sizes->is_driven) {
         for (int i = 0; i < n; ++i)
             r->offset[i] = ncgen_splat(0.0);
         r->motion->velocities(ncgen_splat(t), q, r->offset, r->p, r->more);
         for (int i = 0; i < n; ++i)
-            r->output[i] -= r->more[i];
+            r->output[n + i] -= r->more[n + i];
     }
     for (int i = 0; i < n; ++i)
-        q[i] += (ncgen_real)((ncgen_mask)r->output[i] & (length > 0.0));
+        q[i] += (ncgen_real)((ncgen_mask)r->output[n + i] & (length > 0.0));
     close_position(r, t, q, r->good & ~(length * length < 0.01 * rounding));
     r->motion->velocities(ncgen_splat(t), q, qd, r->p, r->output);
-    ncgen_copy(n, r->output, qd);
+    ncgen_copy(n, r->output + n, qd);
 }
 
 /* [qd, qdd] of a state into stage_derivatives; lanes with pivot growth, or a NaN, are good no more. */
@@ -129,14 +129,14 @@ static ncgen_real derivative(run *r, double t, const ncgen_real *state, ncgen_re
     const int n = r->n;
     ncgen_real sums[CHAINS] = {{0}}; /* which are numbers where all are */
     r->motion->derivative(ncgen_splat(t), state, state + n, r->p, r->output);
-    ncgen_copy(n, r->output, stage_derivatives);
-    ncgen_copy(n, r->output + n + 1, stage_derivatives + n);
+    ncgen_copy(n, r->output + n, stage_derivatives);
+    ncgen_copy(n, r->output, stage_derivatives + n);
     for (int i = 0; i < 2 * n; ++i)
         sums[i % CHAINS] += stage_derivatives[i];
     for (int k = 0; k < CHAINS; ++k)
         r->good &= sums[k] - sums[k] == 0.0;
-    r->good &= r->output[n] < max_growth;
-    return r->output[n];
+    r->good &= r->output[2 * n + 1] < max_growth;
+    return r->output[2 * n + 1];
 }
 
 /* A step of h from t on, which leaves its states on the tape. */

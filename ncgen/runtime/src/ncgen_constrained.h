@@ -26,10 +26,11 @@ typedef struct ncgen_constrained {
     const ncgen_motion *motion;                /* it is emitted, or NULL: it is that of `tree` */
     ncgen_tree_work tree;
     ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
+    ncgen_real *driven;                        /* 2 n + 2: the same, for what drivers add; NULL without any */
     ncgen_real *offset;                        /* n: how far a position is from another one */
     ncgen_real *closed_position;               /* n: for a tape, where closing brought the last state, before it was moved on */
     ncgen_real moved_at_once;                  /* how far closing moved a position, in natural sizes; -1: it took more than one step */
-    int came_along;                            /* emitted has the derivative at r->q, r->qd: ncgen_motion.projected */
+    int came_along;                            /* the derivative at r->q, r->qd is known: ncgen_motion.projected */
     ncgen_real pivot_growth;                   /* of its elimination, where it was called last */
     int uses_matrix;                           /* this step goes without it */
     int is_prepared;                           /* are sizes and diagonal of the matrix known? */
@@ -70,11 +71,17 @@ void ncgen_constrained_rows(ncgen_run *r, int factors_are_near);   /* which of r
 ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows);
 ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x);
 int ncgen_constrained_is_dense(const ncgen_run *r);
+/* Where a motion writes its growth: behind what is integrated, so that it may write the derivative of y where that is wanted. */
+static inline ncgen_real *ncgen_growth_in(const ncgen_run *r, ncgen_real *out)
+{
+    return out + 2 * r->n + 1;
+}
+
 /* The functions of an ncgen_motion, emitted or by tables. */
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 int ncgen_recursive_projected(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out); /* 0: velocities alone */
-int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd); /* the derivative that came along with the last ones; 0 where there is none */
+int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd); /* is yd, which came along with the last ones, a derivative? */
 void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out);
 int ncgen_recursive_joints(const ncgen_run *r); /* of ncgen_tree.h where loops over its tables give the motion, else 0 */
 void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_real *chosen); /* of ncgen_tree.h */
