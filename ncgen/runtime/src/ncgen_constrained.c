@@ -40,7 +40,6 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
         ncgen_tree_layout(r, &w->tree);
     if (w->is_recursive) {
         w->emitted = ncgen_take(space, 2 * r->n + r->m + 2);
-        w->driven = r->model->nu ? ncgen_take(space, 2 * r->n + 2) : NULL;
         w->offset = ncgen_take(space, r->n);
         w->closed_position = r->options->tape ? ncgen_take(space, r->n) : NULL;
     }
@@ -177,18 +176,6 @@ int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
     return NCGEN_OK;
 }
 
-/* From the limit on a digit is lost; where a tape is written that is put up with, since the matrix leaves nothing to differentiate,
- * until three are. */
-ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit)
-{
-    return r->options->tape ? limit * R(1.0e6) : limit;
-}
-
-int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth)
-{
-    return !(growth < ncgen_pivot_growth_limit(r, R(10.0)));
-}
-
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
 {
     ncgen_constrained *w = r->constrained;
@@ -268,7 +255,7 @@ static int take(ncgen_run *r, ncgen_constrained *w, ncgen_real *yd)
 static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
-    if (ncgen_read_inputs(r, t) != NCGEN_OK)
+    if (r->is_driven && ncgen_read_inputs(r, t) != NCGEN_OK)
         return 0; /* the same is found again, and reported, on the way by the matrix */
     ncgen_recursive_derivative(r, t, q, qd, yd);
     return take(r, w, yd);

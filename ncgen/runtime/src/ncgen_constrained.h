@@ -26,7 +26,6 @@ typedef struct ncgen_constrained {
     const ncgen_motion *motion;                /* it is emitted, or NULL: it is that of `tree` */
     ncgen_tree_work tree;
     ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
-    ncgen_real *driven;                        /* 2 n + 2: the same, for what drivers add; NULL without any */
     ncgen_real *offset;                        /* n: how far a position is from another one */
     ncgen_real *closed_position;               /* n: for a tape, where closing brought the last state, before it was moved on */
     ncgen_real moved_at_once;                  /* how far closing moved a position, in natural sizes; -1: it took more than one step */
@@ -87,7 +86,18 @@ int ncgen_recursive_joints(const ncgen_run *r); /* of ncgen_tree.h where loops o
 void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_real *chosen); /* of ncgen_tree.h */
 const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen);
 int ncgen_follows_from_measured(const ncgen_run *r); /* is the position that closing gave that of its measured coordinates? */
-ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit); /* the limit with a tape, for one without */
-int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth);             /* of an emitted elimination */
+
+/* From the limit on a digit is lost; where a tape is written that is put up with, since the matrix leaves nothing to differentiate,
+ * until three are. */
+static inline ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit)
+{
+    return r->options->tape ? limit * R(1.0e6) : limit;
+}
+
+/* Of an emitted elimination. */
+static inline int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth)
+{
+    return !(growth < ncgen_pivot_growth_limit(r, R(10.0)));
+}
 
 #endif

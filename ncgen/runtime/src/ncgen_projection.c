@@ -198,7 +198,7 @@ static int close_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
 static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const ncgen_real *q, ncgen_scalar enough)
 {
     const int n = r->n;
-    const ncgen_real *moved = w->emitted + n, *driven = r->model->nu ? w->driven + n : NULL;
+    const ncgen_real *moved = w->emitted + n;
     for (int i = 0; i < n; ++i)
         w->offset[i] = q[i] - r->q[i];
     const ncgen_real length = ncgen_constrained_size(r, w->offset);
@@ -206,13 +206,14 @@ static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const nc
         return 1;
     ncgen_recursive_velocities(r, t, r->q, w->offset, w->emitted);
     const int is_bad = ncgen_has_pivot_growth(r, *ncgen_growth_in(r, w->emitted));
-    if (r->model->nu) {
+    if (r->model->nu) { /* without what drivers add */
+        ncgen_copy(n, moved, w->solution);
         for (int i = 0; i < n; ++i)
             w->offset[i] = 0;
-        ncgen_recursive_velocities(r, t, r->q, w->offset, w->driven);
+        ncgen_recursive_velocities(r, t, r->q, w->offset, w->emitted);
     }
     for (int i = 0; i < n; ++i)
-        r->q[i] += moved[i] - (r->model->nu ? driven[i] : 0);
+        r->q[i] += r->model->nu ? w->solution[i] - moved[i] : moved[i];
     /* what is straight leaves the constraints, always to the same side, by about the square of its length */
     return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t) != STAYS_OPEN);
 }

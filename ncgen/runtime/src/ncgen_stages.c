@@ -16,17 +16,17 @@ static inline int next_stage(int j, int stages, const ncgen_scalar *weights)
 }
 
 /* The next terms that have a weight, from stage *j on, which becomes the one behind them: how many. Others have a weight of 0. */
-static inline int next_terms(const ncgen_run *r, const ncgen_stepping *w, int *j, int stages, const ncgen_scalar *weights, terms *s)
+static inline int next_terms(const ncgen_stepping *w, int *j, int stages, const ncgen_scalar *weights, terms *s)
 {
     int count = 0;
     for (int k = 0; k < 4; ++k) {
-        s->stage_derivatives[k] = w->stage_derivatives;
+        s->stage_derivatives[k] = w->stage_derivatives[0];
         s->weights[k] = 0;
     }
     for (; *j < stages && count < 4; ++*j)
         if (NCGEN_ABS(weights[*j]) > 0) {
             s->weights[count] = weights[*j];
-            s->stage_derivatives[count++] = ncgen_stage_derivative(r, w, *j);
+            s->stage_derivatives[count++] = w->stage_derivatives[*j];
         }
     return count;
 }
@@ -37,7 +37,7 @@ void ncgen_combine_stages(const ncgen_run *r, const ncgen_stepping *w, int stage
 {
     const int ny = r->ny;
     terms s;
-    int j = 0, count = next_terms(r, w, &j, stages, weights, &s);
+    int j = 0, count = next_terms(w, &j, stages, weights, &s);
     for (int is_first = 1; is_first || count > 0; is_first = 0) {
         const ncgen_real *NCGEN_RESTRICT a = s.stage_derivatives[0], *NCGEN_RESTRICT b = s.stage_derivatives[1];
         const ncgen_real *NCGEN_RESTRICT c = s.stage_derivatives[2], *NCGEN_RESTRICT d = s.stage_derivatives[3];
@@ -54,7 +54,7 @@ void ncgen_combine_stages(const ncgen_run *r, const ncgen_stepping *w, int stage
         else
             for (int i = 0; i < ny; ++i)
                 sum[i] = sum[i] + u * a[i] + v * b[i];
-        count = next_terms(r, w, &j, stages, weights, &s);
+        count = next_terms(w, &j, stages, weights, &s);
     }
 }
 
@@ -64,7 +64,7 @@ void ncgen_advance_by_stages(const ncgen_run *r, const ncgen_stepping *w, ncgen_
     const ncgen_real *NCGEN_RESTRICT y = r->y;
     const int ny = r->ny, first = next_stage(0, stages, weights);
     if (first < stages && next_stage(first + 1, stages, weights) == stages) {
-        const ncgen_real *NCGEN_RESTRICT only = ncgen_stage_derivative(r, w, first);
+        const ncgen_real *NCGEN_RESTRICT only = w->stage_derivatives[first];
         const ncgen_scalar weight = weights[first];
         NCGEN_UNROLLED
         for (int i = 0; i < ny; ++i)
@@ -73,7 +73,7 @@ void ncgen_advance_by_stages(const ncgen_run *r, const ncgen_stepping *w, ncgen_
     }
     terms s;
     int j = 0;
-    (void)next_terms(r, w, &j, stages, weights, &s);
+    (void)next_terms(w, &j, stages, weights, &s);
     const ncgen_real *NCGEN_RESTRICT a = s.stage_derivatives[0], *NCGEN_RESTRICT b = s.stage_derivatives[1];
     const ncgen_real *NCGEN_RESTRICT c = s.stage_derivatives[2], *NCGEN_RESTRICT d = s.stage_derivatives[3];
     if (j == stages) {
