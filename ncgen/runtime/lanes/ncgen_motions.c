@@ -3,7 +3,7 @@
  */
 #include "ncgen_motions.h"
 #include "ncgen_rows.h"
-#include "ncgen_step_rules.h"
+#include "ncgen_stage_sums.h"
 #include "ncgen_vectors.h"
 #include "ncgen_tableaus.h"
 
@@ -28,7 +28,7 @@ typedef struct run {
     ncgen_real *offset; /* n */
     ncgen_real *output; /* what a program writes */
     ncgen_real *more;  /* 2 n + 2 */
-    ncgen_real *stage_derivatives; /* 2 n for every stage and the end */
+    ncgen_real *stage_derivatives[WIDTH]; /* 2 n for every stage and the end */
     double *rows;       /* n of every lane */
 } run;
 
@@ -146,15 +146,13 @@ static void step(run *r, double t, double h, ncgen_real *tape)
     ncgen_copy(size, r->state, tape);
     for (int s = 1; s <= last; ++s) {
         ncgen_real *stage = tape + s * size;
-        ncgen_sum_stages(size, s, r->method->a[s], r->stage_derivatives, stage);
-        for (int i = 0; i < size; ++i)
-            stage[i] = r->state[i] + h * stage[i];
+        ncgen_sum_stages(size, s, r->method->a[s], r->stage_derivatives, r->state, ncgen_splat(h), stage);
         if (s < last)
-            derivative(r, t + r->method->c[s] * h, stage, r->stage_derivatives + s * size);
+            derivative(r, t + r->method->c[s] * h, stage, r->stage_derivatives[s]);
     }
     ncgen_copy(size, tape + last * size, r->state);
     project_state(r, t + h, tape + (last + 1) * size);
-    r->good &= derivative(r, t + h, r->state, r->stage_derivatives) < max_step_growth;
+    r->good &= derivative(r, t + h, r->state, r->stage_derivatives[0]) < max_step_growth;
 }
 
 /* n numbers of each lane into rows that lie `stride` numbers from one another. */
@@ -181,7 +179,7 @@ static void run_block(run *r, long steps, const double *times, int count, double
         r->motion->prepare(r->p, r->p + r->sizes->n_parameters);
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
         r->good[lane] = -1;
-    derivative(r, times[0], r->state, r->stage_derivatives);
+    derivative(r, times[0], r->state, r->stage_derivatives[0]);
     write_state(r, count, steps + 1, 0, out_q, out_qd);
     for (long k = 0; k < steps && ncgen_any(r->good); ++k) {
         step(r, times[k], times[k + 1] - times[k], tape + (size_t)(k % taped) * length);
@@ -203,7 +201,8 @@ void ncgen_motions(const void *motion, const ncgen_taped *sizes, int n_rows, con
     r.offset = ncgen_take(&space, n);
     r.output = ncgen_take(&space, 2 * n + 2 + n_rows);
     r.more = ncgen_take(&space, 2 * n + 2);
-    r.stage_derivatives = ncgen_take(&space, 2 * n * (r.method->stages + 1));
+    for (int s = 0; s <= r.method->stages; ++s)
+        r.stage_derivatives[s] = ncgen_take(&space, 2 * n);
     r.rows = (double *)ncgen_take(&space, n);
     r.per_column = ncgen_take(&space, n);
     r.per_row = ncgen_take(&space, n_rows);
