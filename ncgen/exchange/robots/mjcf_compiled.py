@@ -78,14 +78,14 @@ def family(root: Markup, path: Path) -> Family:
     members, files = [(root, path)], {_real(path)}
     for each, origin in members:  # which grow
         _check_copies(each, 1)
-        models = [(element, name) for element, name in _named(each) if element.tag in MODELS]
+        models = [(element, name) for element, name in named_files(each) if element.tag in MODELS]
         more = _found(models, _folders((root, each), (path.parent, origin.parent)), files)
         members += [(read_markup(file), file) for file in more if file.suffix.lower() != ".mjb"]
         if len(members) > MOST_FILES:
             root.refuse(f"it includes more than {MOST_FILES} files")
     roots = [each for each, _ in members]
     folders = _folders(roots, dict.fromkeys(origin.parent for _, origin in members))
-    files.update(map(_real, _found((named for each in roots for named in _named(each)), folders, files)))
+    files.update(map(_real, _found((named for each in roots for named in named_files(each)), folders, files)))
     settings = any(each.tag == PLUGIN_SETTING for each in chain.from_iterable(each.walk() for each in roots))
     return Family(roots, frozenset() if settings else frozenset(files))
 
@@ -127,7 +127,7 @@ def _check_copies(element: Markup, copies: int) -> None:
         _check_copies(child, copies)
 
 
-def _named(root: Markup) -> Iterator[tuple[Markup, str]]:
+def named_files(root: Markup) -> Iterator[tuple[Markup, str]]:
     """Elements that name files, and the names."""
     for element in root.walk():
         for key, name in element.attributes.items():
