@@ -213,10 +213,10 @@ class Couple(BodyLoad):
 
     def given(self) -> tuple[list[Combination | Component], list[Value]]:
         """As of every load; what varies stands among the constants, which `ncgen.symbolic.equations` tells apart."""
-        if self.type is self.in_plane:
-            _, segment = self.body.frame.directions
-            return [segment], [self.components[2], measures.dot(segment.given, segment.given)]
         directions, volume = self.turned_by()
+        if self.type is self.in_plane:
+            _, segment = directions
+            return [segment], [self.components[2], measures.dot(segment.given, segment.given)]
         return [*directions], [*self.components, volume]
 
 
