@@ -23,9 +23,9 @@ NumberLocation: TypeAlias = tuple[xml.Element, str | None]
 def changed_copy(file: Path, folder: Path) -> Path | None:
     """The copy in a folder of its own below `folder`; None where there is nothing to change, or files are needed that are not known.
 
-    Of URDF and SDF the middle mass is changed, of MJCF the middle mass of a body, or the first size of one, in the file itself or in the
-    first of those that it includes. What else MJCF is made of is linked next to the copy, as it lies next to the file. Meshes of URDF and
-    SDF are pictures, without which a robot moves the same.
+    Of URDF and SDF the middle mass is changed, of MJCF the middle mass of a body, or the first size or position of one, in the file itself
+    or in the first of those that it includes. What else MJCF is made of is linked next to the copy, as it lies next to the file. Meshes of
+    URDF and SDF are pictures, without which a robot moves the same.
     """
     if file.suffix.lower() not in SUFFIXES:
         return None
@@ -77,11 +77,11 @@ def _change(location: NumberLocation) -> None:
 def _chosen_number(root: xml.Element) -> NumberLocation | None:
     """The number that is changed."""
     if root.tag in ("mujoco", "mujocoinclude"):
-        inside = dict.fromkeys(each for body in root.iter("body") for each in body.iter() if each.tag in ("geom", "inertial"))
-        masses, sizes = (_numbers((each, key) for each in inside) for key in ("mass", "size"))
+        inside = dict.fromkeys(each for body in root.iter("body") for each in body.iter() if each.tag in ("geom", "inertial", "body"))
+        masses, *others = (_numbers((each, key) for each in inside) for key in ("mass", "size", "pos"))
     else:
-        masses, sizes = _numbers((each, "value" if root.tag == "robot" else None) for each in root.iter("mass")), []
-    return masses[len(masses) // 2] if masses else sizes[0] if sizes else None
+        masses, others = _numbers((each, "value" if root.tag == "robot" else None) for each in root.iter("mass")), []
+    return masses[len(masses) // 2] if masses else next((numbers[0] for numbers in others if numbers), None)
 
 
 def _numbers(locations: Iterable[NumberLocation]) -> list[NumberLocation]:

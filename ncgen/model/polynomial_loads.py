@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,10 +13,15 @@ from ncgen.model.body_elements import BodyElements
 from ncgen.model.elements import Combination, Relative, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.loads import three_components
-from ncgen.model.polynomial_forces import SERIES, AnchorSpring, BallSpring, ConstantForce, PolynomialSpring
 from ncgen.model.values import Numbers, Value, Values, as_sympy
 
+if TYPE_CHECKING:
+    from ncgen.model.polynomial_forces import AnchorSpring, BallSpring, ConstantForce, PolynomialSpring
+
 GLOBAL_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+MOST_COEFFICIENTS = 3
+"""Coefficients of a stiffness or of a damping."""
 
 PERPENDICULAR = 1e-9
 """By how much cosines of axes that are given may miss 0 and 1."""
@@ -54,6 +60,8 @@ class PolynomialLoads(BodyElements):
         PolynomialSpring
             The spring.
         """
+        from ncgen.model.polynomial_forces import PolynomialSpring  # which few models have
+
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
         spring = PolynomialSpring(label, angle, _series(stiffness, damping, label), free)
@@ -98,6 +106,8 @@ class PolynomialLoads(BodyElements):
         ModelError
             Where both bodies are one, the child is the ground, or axes are not perpendicular unit vectors.
         """
+        from ncgen.model.polynomial_forces import BallSpring
+
         label = label or f"ball spring {parent.name}-{child.name}"
         if child is parent or child is self.ground:
             raise ModelError(f"{label}: give another body as child than {child.name}")
@@ -137,6 +147,8 @@ class PolynomialLoads(BodyElements):
         AnchorSpring
             The spring.
         """
+        from ncgen.model.polynomial_forces import AnchorSpring
+
         label = label or f"anchor spring of {body.name}"
         end = self.attached(body, position, label)
         rest = self.direction_of(self.ground, tuple(map(as_sympy, position)), "rest")
@@ -164,6 +176,8 @@ class PolynomialLoads(BodyElements):
         ConstantForce
             The force.
         """
+        from ncgen.model.polynomial_forces import ConstantForce
+
         label = label or f"constant force on {body.name}"
         three_components(vector, label, False)
         force = ConstantForce(label, body, self.attached(body, position, label), tuple(vector))
@@ -201,9 +215,8 @@ class PolynomialLoads(BodyElements):
 
 
 def _series(stiffness: Values, damping: Values, label: str) -> tuple[Value, ...]:
-    """Coefficients by the names of SERIES. Raises ModelError where there are too many."""
-    count = len(SERIES) // 2
+    """All MOST_COEFFICIENTS coefficients of both. Raises ModelError where there are too many."""
     for name, coefficients in (("stiffness", stiffness), ("damping", damping)):
-        if not 1 <= len(coefficients) <= count:
+        if not 1 <= len(coefficients) <= MOST_COEFFICIENTS:
             raise ModelError(f"{label}, {name}: {counted(len(coefficients), 'coefficient')} given; give one to three")
-    return tuple(x for each in (stiffness, damping) for x in (*each, 0.0, 0.0)[:count])
+    return tuple(x for each in (stiffness, damping) for x in (*each, 0.0, 0.0)[:MOST_COEFFICIENTS])
