@@ -116,7 +116,8 @@ class Phases(NamedTuple):
     The first phase finds what the second and the later ones need, and numbers in the temporary `rates`; the second one puts others in their
     place, from which the third finds the leading outputs, and the last one all others.
 
-    rates: how many there are; leading: positions of these outputs, in ascending order; ends: behind which block each of the first three phases ends, once it is cut
+    rates: how many there are; leading: positions of these outputs, in ascending order; ends: behind which block each of the first three
+        phases ends, once it is cut
     """
 
     rates: int
