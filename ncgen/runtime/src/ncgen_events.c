@@ -79,7 +79,7 @@ static int act(ncgen_instant *i, int event)
 
 static int is_still(const ncgen_instant *i, int k)
 {
-    return ncgen_is_still_along(i, k, 1, ncgen_speed(i, i->moment->qd));
+    return ncgen_is_still_along(i, k, 1);
 }
 
 static int find_loads(void *context, int projected)
@@ -111,9 +111,6 @@ static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
     ncgen_begin_modes(n, i->moment, passage);
     const int status = ncgen_find_active(&active);
     for (int k = 0; k < count && status == NCGEN_OK; ++k) {
-        if (released[k] || wanted[k])
-            passage->signs[k] = 1;
-        released[k] = 0;
         if (wanted[k] != before[k])
             ncgen_note(passage->log, n, i->moment, k, wanted[k] ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
     }
@@ -133,6 +130,28 @@ static int choose_held(ncgen_instant *i, const int *happened, const int *resting
     return status == NCGEN_OK ? ncgen_accelerate(i) : status;
 }
 
+/* Does a gap close if it falls from here on: was it let go, or is it closed and does not change? */
+static int is_above(const ncgen_instant *i, int k)
+{
+    const ncgen_events *e = i->events;
+    int released = e->n_modes && i->passage->wanted[i->count + k];
+    for (int h = 0; h < e->n_holds; ++h)
+        released |= ncgen_is_gap(e->holds + h) && e->holds[h].condition == k && ncgen_flags(e, i->passage, NCGEN_RELEASED)[h];
+    return ncgen_impact_of(e, k) && (released || (ncgen_is_closed(i, k) && is_still(i, k)));
+}
+
+/* The sides on which conditions go on. */
+static int set_sides(ncgen_instant *i, const ncgen_chain *chain)
+{
+    const int status = ncgen_look(i);
+    for (int k = 0; k < ncgen_n_events(i); ++k)
+        i->taking[k] = is_above(i, k);
+    ncgen_set_sides(chain, i->taking, i->passage->signs);
+    for (int k = 0; k < i->count && i->events->n_modes; ++k)
+        i->passage->wanted[i->count + k] = 0;
+    return status;
+}
+
 /* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate. resting (count): which gaps are at rest */
 static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
 {
@@ -145,7 +164,6 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
     if (status != NCGEN_OK)
         return status;
-    ncgen_set_sides(chain, i->passage->signs);
     for (int k = 0; k < i->count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         const int bounced = resting[k];
@@ -165,6 +183,8 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
         status = i->events->n_holds ? choose_held(i, chain->happened, resting) : choose_mode(i, chain->happened, resting);
         rested = 0;
     }
+    if (status == NCGEN_OK)
+        status = set_sides(i, chain);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
         if (!(i->velocities[k] < 0))
             ncgen_note_limit(i->passage->log, i->n, k, i->velocities[k]);

@@ -7,12 +7,11 @@
 /* Does a gap not change, or a joint, contact or ratchet not move, but for rounding? */
 static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
 {
-    const ncgen_real now = ncgen_speed(i, i->moment->qd), before = ncgen_speed(i, i->arrived), speed = now > before ? now : before;
     if (hold->kind == NCGEN_HOLDS_CONTACT) {
         const ncgen_slide slide = ncgen_slide_at(i, ncgen_rubbing_of(i->events, (int)(hold - i->events->holds)));
-        return ncgen_slide_is_still(&slide, speed);
+        return ncgen_slide_is_still(&slide, ncgen_greatest_speed(i));
     }
-    return ncgen_is_still_along(i, hold->condition, ncgen_is_gap(hold), speed);
+    return ncgen_is_still_along(i, hold->condition, ncgen_is_gap(hold));
 }
 
 int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
@@ -292,8 +291,5 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
     if (status != NCGEN_OK)
         return status;
     count(i, &c.active, i->passage->room + i->n);
-    for (int h = 0; h < n; ++h)
-        if (ncgen_is_gap(e->holds + h) && (released[h] || wanted[h]))
-            i->passage->signs[e->holds[h].condition] = 1;
     return NCGEN_OK;
 }
