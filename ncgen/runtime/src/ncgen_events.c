@@ -130,28 +130,6 @@ static int choose_held(ncgen_instant *i, const int *happened, const int *resting
     return status == NCGEN_OK ? ncgen_accelerate(i) : status;
 }
 
-/* Does a gap close if it falls from here on: was it let go, or is it closed and does not change? */
-static int is_above(const ncgen_instant *i, int k)
-{
-    const ncgen_events *e = i->events;
-    int released = e->n_modes && i->passage->wanted[i->count + k];
-    for (int h = 0; h < e->n_holds; ++h)
-        released |= ncgen_is_gap(e->holds + h) && e->holds[h].condition == k && ncgen_flags(e, i->passage, NCGEN_RELEASED)[h];
-    return ncgen_impact_of(e, k) && (released || (ncgen_is_closed(i, k) && is_still(i, k)));
-}
-
-/* The sides on which conditions go on. */
-static int set_sides(ncgen_instant *i, const ncgen_chain *chain)
-{
-    const int status = ncgen_look(i);
-    for (int k = 0; k < ncgen_n_events(i); ++k)
-        i->taking[k] = is_above(i, k);
-    ncgen_set_sides(chain, i->taking, i->passage->signs);
-    for (int k = 0; k < i->count && i->events->n_modes; ++k)
-        i->passage->wanted[i->count + k] = 0;
-    return status;
-}
-
 /* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate. resting (count): which gaps are at rest */
 static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
 {
@@ -184,7 +162,7 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
         rested = 0;
     }
     if (status == NCGEN_OK)
-        status = set_sides(i, chain);
+        status = ncgen_find_sides(i, chain);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
         if (!(i->velocities[k] < 0))
             ncgen_note_limit(i->passage->log, i->n, k, i->velocities[k]);
@@ -306,7 +284,8 @@ static int mark(ncgen_instant *i, int nearly)
         status = ncgen_skip_blocked(i, &in);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
         const int way = watches ? passage->directions[k] : ncgen_way(events, i->p, k), clear = !ncgen_is_closed(i, k), before = passage->signs[k];
-        const int side = ncgen_side(i, k), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
+        const ncgen_real value = i->values[2 * k] + (nearly ? ncgen_margin(i, k) : 0);
+        const int side = (value > 0) - (value < 0), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
         const int now = nearly || clear ? exactly : before;
         passage->due[k] = 0;
         if (k >= last || way == NCGEN_UNWATCHED || ncgen_holds(events, passage, k))

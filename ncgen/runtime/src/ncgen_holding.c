@@ -293,3 +293,24 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
     count(i, &c.active, i->passage->room + i->n);
     return NCGEN_OK;
 }
+
+/* Does a gap close if it falls from here on: was it let go, or is it closed and does not change? */
+static int is_above(const ncgen_instant *i, int k)
+{
+    const ncgen_events *e = i->events;
+    int released = e->n_modes && i->passage->wanted[i->count + k];
+    for (int h = 0; h < e->n_holds; ++h)
+        released |= ncgen_is_gap(e->holds + h) && e->holds[h].condition == k && ncgen_flags(e, i->passage, NCGEN_RELEASED)[h];
+    return ncgen_impact_of(e, k) && (released || (ncgen_is_closed(i, k) && ncgen_is_still_along(i, k, 1)));
+}
+
+int ncgen_find_sides(ncgen_instant *i, const ncgen_chain *chain)
+{
+    const int status = ncgen_look(i);
+    for (int k = 0; k < ncgen_n_events(i); ++k)
+        i->taking[k] = is_above(i, k);
+    ncgen_set_sides(chain, i->taking, i->passage->signs);
+    for (int k = 0; k < i->count && i->events->n_modes; ++k)
+        i->passage->wanted[i->count + k] = 0;
+    return status;
+}
