@@ -17,7 +17,7 @@ GROUPS = tuple(frozenset(group.__annotations__) for group in (StartArguments, Me
 AS_OTHERS_SAY = {
     "cli/measuring.py: bench", "cli/models.py: run", "cli/studies.py: study",
     "model/catalogue.py: _angle_cosine", "model/catalogue.py: _angle_paper", "model/catalogue.py: _angle_sine.formula",
-    "model/catalogue.py: _angle_smooth", "model/catalogue.py: _angle_smooth_perpendicular", "model/forces.py: _on_directions",
+    "model/catalogue.py: _angle_smooth", "model/catalogue.py: _angle_smooth_perpendicular", "model/forces.py: on_directions",
     "solver/integrators/caught.py: ForeignSolver.__init__",
 }  # fmt: skip
 """Functions whose parameters are somebody else's: an option of the command line each, an argument of a formula each, or SciPy's."""

@@ -33,7 +33,7 @@ def environment() -> Environment:
         autoescape=False,
     )
     env.filters["comment"] = comment_text
-    env.filters["rows_of"] = rows_of
+    env.filters["wrapped"] = wrapped
     env.filters["c_string"] = c_string
     env.filters["docstring"] = docstring_text
     env.filters["c_literal"] = c_literal
@@ -81,6 +81,11 @@ def loop_comments(block: Block) -> list[str]:
     if any(": " in comment for comment in comments):
         return [comment_text(comment) for comment in comments]
     return rows_of(map(comment_text, comments), 90)
+
+
+def wrapped(items: Iterable[object], width: int, indent: int) -> str:
+    """Comma-separated items as text that begins behind so many blanks and stays within `width` characters."""
+    return ("\n" + " " * indent).join(rows_of(items, width - indent))
 
 
 def rows_of(items: Iterable[object], width: int) -> list[str]:

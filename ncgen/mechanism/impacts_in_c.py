@@ -18,7 +18,7 @@ Failure = Literal["NCGEN_SINGULAR", "NCGEN_NO_ORDER", "NCGEN_NO_IMPULSES", "NCGE
 FAILURES: tuple[Failure, ...] = ("NCGEN_SINGULAR", "NCGEN_NO_ORDER", "NCGEN_NO_IMPULSES", "NCGEN_GAIN", "NCGEN_ENDLESS")
 
 LAWS: dict[str, Law] = {"": "NCGEN_NO_LAW", "simultaneous": "NCGEN_SIMULTANEOUS", "in turn": "NCGEN_IN_TURN"}
-"""Laws of several impacts, in C."""
+"""Laws of several impacts at one instant, in C, in the order of their numbers in ncgen_event_table.h."""
 
 
 class Blow(NamedTuple):

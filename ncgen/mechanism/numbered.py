@@ -41,13 +41,15 @@ class KeptCode(NamedTuple):
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Structured:
     """A mechanism as one of its structure. emission: as of `ncgen.generate`; key: what it is kept under with its numbers, None where
-    nothing tells it from others; digest, numbers: as of `TracedModel`; unfit: kinds of which `recall` found what other numbers need."""
+    nothing tells it from others; digest, numbers, rates: as of `told_apart`; unfit: kinds of which `recall` found what other numbers
+    need."""
 
     model: Model
     emission: str
     key: str | None
     digest: str
     numbers: list[float]
+    rates: int
     unfit: set[str] = field(default_factory=set, init=False)
 
     @cached_property
@@ -105,17 +107,17 @@ def structured(model: Model, emission: str) -> Structured | None:
     if not has_structure(model):
         return None
     key = recall.key(model, emission)
-    digest, numbers = _told_apart(model, key)
+    digest, numbers, rates = _told_apart(model, key)
     if not digest:
         return None
-    return Structured(model=model, emission=emission, key=key, digest=digest, numbers=numbers)
+    return Structured(model=model, emission=emission, key=key, digest=digest, numbers=numbers, rates=rates)
 
 
-def _told_apart(model: Model, key: str | None) -> tuple[str, list[float]]:
-    """Digest of the structure of a model and its numbers, from the cache or found now; no digest where they are not told apart."""
+def _told_apart(model: Model, key: str | None) -> tuple[str, list[float], int]:
+    """What `told_apart` says of a model, from the cache or found now; no digest where it says nothing."""
 
-    def tell() -> tuple[str, list[float]]:
-        return told_apart(model) or ("", [])
+    def tell() -> tuple[str, list[float], int]:
+        return told_apart(model) or ("", [], 0)
 
     if key is None:
         return tell()
@@ -124,8 +126,8 @@ def _told_apart(model: Model, key: str | None) -> tuple[str, list[float]]:
     if entry is None:
         entry = tell()
         keep(recall.KIND, named, entry)
-    digest, numbers = entry
-    return digest, numbers
+    digest, numbers, rates = entry
+    return digest, numbers, rates
 
 
 def associate(programs: Programs, structure: Structured | None) -> Structured | None:

@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from ncgen.model.elements import Component, Element
     from ncgen.model.events import Event, Lock
     from ncgen.model.facts import Fact
-    from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor
+    from ncgen.model.forces import BodyLoad, Callback, Force, Load, Potential, Rotor
     from ncgen.model.frictions import Friction
     from ncgen.model.one_sided import Ratchet
     from ncgen.model.outputs import Output
+    from ncgen.model.polynomial_forces import ConstantForce
     from ncgen.model.rigid import Claims
     from ncgen.model.rows import Row
     from ncgen.model.value_conditions import Condition
@@ -72,8 +73,8 @@ class Contents:
     bodies: dict[str, Body]
     ground: Body
     rows: list[Row]
-    forces: list[Force | Couple]
-    potentials: list[Potential]
+    forces: list[Force | BodyLoad]
+    potentials: list[Potential | ConstantForce]
     springs: list[Load]
     rotors: list[Rotor]
     callbacks: list[Callback]

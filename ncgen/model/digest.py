@@ -7,8 +7,10 @@ in memory, or on which of them are shared.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
 from functools import cache
+from typing import Any, cast
 
 import numpy as np
 
@@ -47,17 +49,49 @@ def _digest(contents: dict[str, object]) -> str | None:
     return hashlib.sha256("\n".join(words).encode()).hexdigest()
 
 
-def _words(value: object, known: set[int], words: list[str]) -> None:
-    """Add a value in words that mean nothing else.
+def _words(value: Any, known: set[int], words: list[str]) -> None:
+    """Add a value in words that mean nothing else; what most values are is asked first.
 
     known: elements and bodies that have been described, for which a name is enough
     """
-    if type(value) is float:
+    kind = value.__class__
+    if kind is float:
         words.append(value.hex())
-    elif type(value) is str or value is None or isinstance(value, (bool, str)):
+    elif kind is str or kind is int or kind is bool or value is None:
         words.append(repr(value))
-    elif isinstance(value, (Element, Body)) and not isinstance(value, Constant) and id(value) in known:
-        words.append(f"{type(value).__name__} {value.name!r}")
+    elif kind is tuple or kind is list or kind is dict:
+        _parts(value, known, words)
+    elif (names := _fields_of_objects(kind)) is not None:
+        if id(value) in known and _has_name(kind):
+            words.append(f"{kind.__name__} {value.name!r}")
+            return
+        known.add(id(value))
+        words.append(kind.__name__)
+        for name in names:
+            member = getattr(value, name)
+            if member.__class__ is float:
+                words.append(member.hex())
+            else:
+                _words(member, known, words)
+    else:
+        _rare(value, known, words)
+
+
+def _parts(value: Any, known: set[int], words: list[str]) -> None:
+    """Add a collection."""
+    words.append(f"{len(value)} parts")
+    items = cast("Iterable[Any]", value.items() if isinstance(value, dict) else value)
+    for item in items:
+        if item.__class__ is float:
+            words.append(item.hex())
+        else:
+            _words(item, known, words)
+
+
+def _rare(value: Any, known: set[int], words: list[str]) -> None:
+    """Add what is neither of these. Raises TypeError for what has no name and no value."""
+    if isinstance(value, (bool, str)):
+        words.append(repr(value))
     elif isinstance(value, (int, np.integer)):
         words.append(repr(int(value)))
     elif isinstance(value, (float, np.floating)):
@@ -68,21 +102,25 @@ def _words(value: object, known: set[int], words: list[str]) -> None:
         words.append(str(value.shape))
         _words(value.ravel().tolist(), known, words)
     elif isinstance(value, (list, tuple, dict)):
-        parts = value.items() if isinstance(value, dict) else value
-        words.append(f"{len(value)} parts")
-        for item in parts:
-            _words(item, known, words)
-    elif is_dataclass(value):
-        known.add(id(value))
-        words.append(type(value).__name__)
-        for name in names_of_fields(type(value)):
-            _words(getattr(value, name), known, words)
+        _parts(value, known, words)
     elif hasattr(value, "free_symbols"):
         import sympy
 
         words.append(sympy.srepr(value))
     else:
         raise TypeError(f"{value!r} has no value that could be told")
+
+
+@cache
+def _fields_of_objects(kind: type) -> tuple[str, ...] | None:
+    """The names of what objects of a class consist of; None for other values, and for types of rows."""
+    return names_of_fields(kind) if is_dataclass(kind) and not issubclass(kind, RowType) else None
+
+
+@cache
+def _has_name(kind: type) -> bool:
+    """Whether a name is enough for an object of a class that has been described."""
+    return issubclass(kind, (Element, Body)) and not issubclass(kind, Constant)
 
 
 @cache

@@ -231,7 +231,10 @@ class Combination:
     @property
     def initial(self) -> np.ndarray:
         """The vector in the initial position, shape (3,); weights that are parameters are not allowed here."""
-        return sum((float(weight) * element.initial for weight, element in self.terms), np.zeros(3))
+        position = np.zeros(3)
+        for weight, element in self.terms:
+            position += float(weight) * element._initial
+        return position
 
     @property
     def given(self) -> tuple[Scalar, ...]:

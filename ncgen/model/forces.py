@@ -40,7 +40,9 @@ class ForceType:
     equation: the text printed next to the generated code, over these names
     potential(f, x, **data): the energy V (J) of the length or scalar x
     friction(f, x, v, **data): what the tension has in addition to V′, at the rate v
-    forces(f, **arguments, **data): in place of both, a force along each vector; its power is counted as work
+    forces(f, **arguments, **data): in place of both, a force along each of the first vectors; its power is counted as work
+    takes_rates: True where it also takes the rates of the vectors, da of a
+    energy(f, **arguments, **data): in place of all these, the potential energy (J) of vectors, whose negative gradient the forces are
     regular: True where V′ and friction, each times a/|a|, can be taken at |a| = 0, and so are not added up first
     """
 
@@ -52,6 +54,8 @@ class ForceType:
     potential: Formula = _none
     friction: Formula = _none
     forces: Formula | None = None
+    takes_rates: bool = False
+    energy: Formula | None = None
     regular: bool = False
 
 
@@ -143,15 +147,15 @@ class TorsionSpring(Load):
     )
 
 
-def _on_directions(f: Functions[N], x1: Triple[N], x2: Triple[N], x3: Triple[N], nx: N, ny: N, nz: N, V: N) -> list[tuple[N, ...]]:
+def on_directions(f: Functions[N], x1: Triple[N], x2: Triple[N], x3: Triple[N], nx: N, ny: N, nz: N, V: N) -> list[tuple[N, ...]]:
     """½ n × xᵏ along direction k, with the reciprocal basis xᵏ; the power is n·ω with ω = ½ Σ xᵏ × ẋ_k (natural coordinates, 2.5)."""
     crossed = [cross((nx, ny, nz), cross(*pair)) for pair in ((x2, x3), (x3, x1), (x1, x2))]
     return [tuple(component / (V * 2) for component in triple) for triple in crossed]
 
 
-def _on_pair(f: Functions[N], x1: Triple[N], x2: Triple[N], nx: N, ny: N, nz: N, V: N) -> list[tuple[N, ...]]:
+def on_pair(f: Functions[N], x1: Triple[N], x2: Triple[N], nx: N, ny: N, nz: N, V: N) -> list[tuple[N, ...]]:
     """The same where the third direction is x1 × x2, whose force acts on x1 by x2 × f3, and on x2 by f3 × x1."""
-    first, second, third = _on_directions(f, x1, x2, cross(x1, x2), nx, ny, nz, V)
+    first, second, third = on_directions(f, x1, x2, cross(x1, x2), nx, ny, nz, V)
     return [tuple(a + b for a, b in zip(*pair, strict=True)) for pair in ((first, cross(x2, third)), (second, cross(third, x1)))]
 
 
@@ -161,11 +165,27 @@ def _in_plane(f: Functions[N], a: Triple[N], nz: N, LL: N) -> list[tuple[N, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Couple(Load):
-    """A couple (N m, global axes) on a body: on three directions with the volume V, on two with V = |x1 × x2|², or in the plane on one."""
+class BodyLoad(Load):
+    """A load that one body bears."""
 
     label: str
     body: Body
+
+    def turned_by(self) -> tuple[Sequence[Combination], Value]:
+        """Directions of the body along which forces can make any couple, and their volume. Raises ModelError where there are none."""
+        frame = self.body.frame
+        if len(frame.directions) < 2:
+            more = "give it another element" if self.body.rigid else "use m.force at its points: its rows are your own"
+            raise ModelError(f"{self.label}: the body's elements cannot describe every rotation that a couple makes; {more}")
+        x, y, *others = frame.given
+        z = others[0] if others else measures.cross(x, y)
+        return frame.directions, measures.dot(x, measures.cross(y, z))
+
+
+@dataclass(frozen=True, eq=False)
+class Couple(BodyLoad):
+    """A couple (N m, global axes) on a body: on three directions with the volume V, on two with V = |x1 × x2|², or in the plane on one."""
+
     components: tuple[Scalar, Scalar, Scalar]
 
     kind = ForceType(
@@ -174,7 +194,7 @@ class Couple(Load):
         scalars=(),
         data=("nx", "ny", "nz", "V"),
         equation="n x reciprocal basis / 2",
-        forces=_on_directions,
+        forces=on_directions,
     )
     on_pair = ForceType(
         key="couple-on-pair",
@@ -182,7 +202,7 @@ class Couple(Load):
         scalars=(),
         data=("nx", "ny", "nz", "V"),
         equation="n x reciprocal basis / 2",
-        forces=_on_pair,
+        forces=on_pair,
     )
     in_plane = ForceType(key="couple-in-plane", vectors=("a",), scalars=(), data=("nz", "LL"), equation="nz z x a / LL", forces=_in_plane)
 
@@ -193,16 +213,11 @@ class Couple(Load):
 
     def given(self) -> tuple[list[Combination | Component], list[Value]]:
         """As of every load; what varies stands among the constants, which `ncgen.symbolic.equations` tells apart."""
-        frame = self.body.frame
-        if len(frame.directions) < 2:
-            more = "give it another element" if self.body.rigid else "use m.force at its points: its rows are your own"
-            raise ModelError(f"{self.label}: the body's elements cannot describe every rotation that a couple makes; {more}")
-        if frame.planar:
-            _, segment = frame.directions
+        directions, volume = self.turned_by()
+        if self.type is self.in_plane:
+            _, segment = directions
             return [segment], [self.components[2], measures.dot(segment.given, segment.given)]
-        x, y, *others = frame.given
-        z = others[0] if others else measures.cross(x, y)
-        return [*frame.directions], [*self.components, measures.dot(x, measures.cross(y, z))]
+        return [*directions], [*self.components, volume]
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,7 +65,7 @@ class Loads(Coordinates):
             The force.
         """
         label = label or f"force on {point.name}"
-        return self._apply(label, zip(point.components, _three(vector, label, point.components[2].fixed), strict=True))
+        return self._apply(label, zip(point.components, three_components(vector, label, point.components[2].fixed), strict=True))
 
     @fact
     def torque(self, coordinate: Relative, expression: Driven, label: str | None = None) -> Force:
@@ -107,7 +107,7 @@ class Loads(Coordinates):
         """
         label = label or f"couple on {body.name}"
         is_single = body.frame.planar and not (isinstance(vector, (str, Iterable)) or getattr(vector, "ndim", 0))
-        components = (0.0, 0.0, vector) if is_single else _three(vector, label, False)
+        components = (0.0, 0.0, vector) if is_single else three_components(vector, label, False)
         x, y, z = (expression(e, f"{label}, {axis}") for axis, e in zip("xyz", components, strict=True))
         couple = Couple(label, body, (x, y, z))
         self.forces.append(couple)
@@ -282,7 +282,7 @@ class Loads(Coordinates):
         return force
 
 
-def _three(vector: object, label: str, is_flat: bool) -> tuple[object, ...]:
+def three_components(vector: object, label: str, is_flat: bool) -> tuple[object, ...]:
     """The three components of a vector, of which a flat one has a third of 0. Raises ModelError for other numbers of them."""
     components = sequence(vector, label, "two or three numbers or expressions" if is_flat else "three numbers or expressions")
     if len(components) == 2 and is_flat:

@@ -60,7 +60,7 @@ def cosine_of(a: np.ndarray, b: np.ndarray, rounding: float = ROUNDING) -> float
 
 def _rounding_of(direction: Combination) -> float:
     """By which a direction may miss what is perpendicular to it: between points by more, the closer they are and the farther away."""
-    size = sum(abs(float(weight)) * float(np.max(np.abs(element.initial))) for weight, element in direction.terms)
+    size = sum(abs(float(weight)) * max(map(abs, element.initial.tolist())) for weight, element in direction.terms)
     return ROUNDING * max(1.0, size / arithmetic.norm(direction.initial))
 
 

@@ -20,15 +20,15 @@ from ncgen.model.bodies import (
     rod_tensor,
     symmetric,
 )
-from ncgen.model.body_elements import BodyElements
 from ncgen.model.elements import Point, Spatial, Vector
 from ncgen.model.facts import fact
+from ncgen.model.polynomial_loads import PolynomialLoads
 from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner
 from ncgen.model.values import Scalar, Tensor, Value, Values, as_number_if_constant, as_sympy, is_number
 
 
-class Structure(BodyElements):
+class Structure(PolynomialLoads):
     """The part of a model that owns bodies."""
 
     @fact

@@ -55,11 +55,6 @@ class Trace:
     def comparisons(self) -> list[TracedComparison]:
         return [TracedComparison(*compared, outcome) for compared, outcome in self._outcomes.items()]
 
-    def is_given(self, value: Traced) -> bool:
-        """True of a number of the model, and of its negative."""
-        code, operands = self.operations[value.operation]
-        return code == GIVEN or (code == "neg" and self.operations[operands[0]][0] == GIVEN)
-
     def given(self, value: float, position: int) -> Traced:
         """A number of the model."""
         return Traced(value, self, self._number_of((GIVEN, (position,))))

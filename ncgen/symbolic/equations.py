@@ -17,7 +17,7 @@ from ncgen.model.bodies import Body
 from ncgen.model.catalogue import RowType
 from ncgen.model.elements import Combination, Component, rate_name
 from ncgen.model.expressions import symbols_in
-from ncgen.model.forces import Couple, Force, Load, Potential
+from ncgen.model.forces import BodyLoad, Force, Load, Potential
 from ncgen.model.names import LAW, TIME
 from ncgen.model.rows import Owner, Row, describe
 from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, text_of
@@ -87,8 +87,8 @@ def build_bonds(model: Model) -> Equations:
 def build_springs(model: Model) -> Equations:
     """The springs and potentials of a model alone: what pulls without belonging to a body."""
     names = ModelNames(model)
-    springs, potentials = (_load(names, spring) for spring in model.springs), (_potential(names, each) for each in model.potentials)
-    return Equations(model=model, rows=(), masses=(), forces=(*springs, *potentials))
+    loads = [_load(names, each) if isinstance(each, Load) else _potential(names, each) for each in (*model.springs, *model.potentials)]
+    return Equations(model=model, rows=(), masses=(), forces=tuple(loads))
 
 
 def _released(model: Model, owner: Owner | None) -> frozenset[Component]:
@@ -266,7 +266,7 @@ def _alike(forces: Sequence[Term]) -> list[Term]:
     return terms
 
 
-def _borne_by(model: Model, owner: Owner) -> list[Force | Couple]:
+def _borne_by(model: Model, owner: Owner) -> list[Force | BodyLoad]:
     """The forces of which a body is the first one that has the point they act on; forces along angles act between bodies and have none."""
     first: dict[Component, int] = {}
     for number, body in enumerate(model.bodies.values()):
@@ -274,8 +274,8 @@ def _borne_by(model: Model, owner: Owner) -> list[Force | Couple]:
             first.setdefault(component, number)
     names = list(model.bodies)
 
-    def bearer(force: Force | Couple) -> str | None:
-        if isinstance(force, Couple):
+    def bearer(force: Force | BodyLoad) -> str | None:
+        if isinstance(force, BodyLoad):
             return force.body.name
         bodies = [first[component] for component, _ in force.components if component in first]
         return names[min(bodies)] if bodies else None

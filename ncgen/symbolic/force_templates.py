@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, partial
 from itertools import chain
 from typing import TYPE_CHECKING
@@ -35,24 +36,26 @@ def derived_force(kind: ForceType) -> Template:
 
     scalars = sum(map(vector, kind.vectors), ()) + kind.scalars
     data = {name: sympy.Symbol(name, real=True) for name in kind.data}
+    if kind.energy is not None:
+        return replace(user_potential(kind.key, scalars, kind.data, kind.energy(sympy, **_vectors(kind), **data)), equation=kind.equation)
     if kind.forces is not None:
-        outputs_of_kind = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **data)
-        return Template(
-            key=kind.key,
-            equation=kind.equation,
-            scalars=scalars,
-            data=kind.data,
-            outputs=_working(dict(enumerate(chain.from_iterable(outputs_of_kind))), scalars),
-        )
+        outputs = _working(dict(enumerate(chain.from_iterable(kind.forces(sympy, **_vectors(kind), **data)))), scalars)
+        return Template(key=kind.key, equation=kind.equation, scalars=scalars, data=kind.data, outputs=outputs)
     x, v, direction = _stretch(scalars)
     at = sympy.Dummy("x", real=True)
     derivative = sympy.factor_terms(kind.potential(sympy, at, **data).diff(at))  # of k (x - L0)^2/2 it is k (2 x - 2 L0)/2 before
     friction = kind.friction(sympy, x, v, **data)
     parts = (replaced(derivative, {at: x}), friction)
     tension = parts if kind.regular else (sympy.Add(*parts),)
-    outputs: Outputs = {TemplateOutput("force", (k,)): sympy.Add(*(-term * along for term in tension)) for k, along in enumerate(direction)}
+    outputs = {TemplateOutput("force", (k,)): sympy.Add(*(-term * along for term in tension)) for k, along in enumerate(direction)}
     outputs |= {TemplateOutput("potential"): kind.potential(sympy, x, **data), TemplateOutput("power"): -friction * v}
     return Template(key=kind.key, equation=kind.equation, scalars=scalars, data=kind.data, outputs=outputs)
+
+
+def _vectors(kind: ForceType) -> dict[str, list[sympy.Symbol]]:
+    """The vectors of a force type by their names, and their rates where it takes them."""
+    vectors = {name: symbols(vector(name)) for name in kind.vectors}
+    return vectors | ({f"d{name}": rates(vector(name)) for name in kind.vectors} if kind.takes_rates else {})
 
 
 def varying_force(
@@ -69,7 +72,7 @@ def varying_force(
     old = [*symbols(coordinates), *rates(coordinates), *symbols(numbers)]
     rules = dict(zip(old, [*symbols(law_scalars), *rates(law_scalars), *symbols(data)], strict=True))
     constants = {name: replaced(e, rules) for name, e in zip(kind.data, written, strict=True)}
-    outputs = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **constants)
+    outputs = kind.forces(sympy, **_vectors(kind), **constants)
     scalars = (*sum(map(vector, kind.vectors), ()), *law_scalars)
     return Template(
         key=key,

@@ -45,15 +45,15 @@ def has_structure(model: Model) -> bool:
     return not (model.parameters or model.curves)
 
 
-def told_apart(model: Model) -> tuple[str, list[float]] | None:
-    """The digest of the structure and the numbers of a model that has one, as of `TracedModel`; None where it holds something that has no
-    name and no value, or numbers whose products are no doubles."""
+def told_apart(model: Model) -> tuple[str, list[float], int] | None:
+    """The digest of the structure and the numbers of a model that has one, as of `TracedModel`, and the degrees of freedom of its tree of
+    bodies; None where it holds something that has no name and no value, or numbers whose products are no doubles."""
     walk = _Walk(model.has_separate_numbers, None)
     try:
         walk.model(model)
     except (TypeError, OverflowError):
         return None
-    return walk.digest(), walk.numbers
+    return walk.digest(), walk.numbers, walk.rates
 
 
 def traced(model: Model) -> TracedModel | None:
@@ -70,12 +70,13 @@ def traced(model: Model) -> TracedModel | None:
 class _Walk:
     """What a model consists of, in words; with a trace a copy of it, too.
 
-    words: of the structure; are_separate: whether numbers that are equal are different ones
+    words: of the structure; are_separate: whether numbers that are equal are different ones; rates: of the tree of bodies
     """
 
     def __init__(self, are_separate: bool, trace: Trace | None) -> None:
         self.words: list[str] = []
         self.numbers: list[float] = []
+        self.rates = 0
         self._trace = trace
         self._are_separate = are_separate
         self._positions: dict[float, int] = {}
@@ -104,7 +105,9 @@ class _Walk:
         """Add what is decided by looking at numbers: which rows are simpler than others, and how bodies hang on each other."""
         pairs = perpendicular_pairs(model)
         self.words += [angle_row_type(row, row.type, pairs, []).key for row in model.rows if row.type]
-        for link in spanning_tree(model).links:
+        tree = spanning_tree(model)
+        self.rates = tree.dof
+        for link in tree.links:
             axes = [(screw.axis, screw.point and screw.point.name, screw.is_constant) for screw in link.screws]
             self.words.append(f"{link.body.name} on {link.parent}: {axes}")
 

@@ -58,6 +58,22 @@ def test_a_size_is_changed_where_no_mass_is_written(tmp_path):
     assert copy is not None and 'size="0.505 1"' in copy.read_text() and 'size="2 2 1"' in copy.read_text()
 
 
+def test_of_several_files_one_is_changed_and_the_others_are_linked(tmp_path):
+    """Where the first one has no number, one of those that it includes; meshes and folders are where the file says they are."""
+    home = tmp_path / "home"
+    (home / "parts").mkdir(parents=True)
+    (home / "meshes").mkdir()
+    include = '<mujoco><compiler meshdir="../meshes"/><include file="arm.xml"/></mujoco>'
+    (home / "parts" / "all.xml").write_text(include)
+    arm = '<worldbody><body><geom mass="2"/></body></worldbody><asset><mesh file="a.stl"/></asset>'
+    (home / "parts" / "arm.xml").write_text(f"<mujocoinclude>{arm}</mujocoinclude>")
+    (home / "meshes" / "a.stl").write_text("solid")
+    copy = changed_copy(home / "parts" / "all.xml", tmp_path)
+    assert copy == tmp_path / "changed" / "parts" / "all.xml" and copy.read_text() == include
+    assert 'mass="2.02"' in (copy.parent / "arm.xml").read_text()
+    assert (tmp_path / "changed" / "meshes" / "a.stl").resolve() == home / "meshes" / "a.stl"
+
+
 @pytest.mark.parametrize(
     "name, text",
     [

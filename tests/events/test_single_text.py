@@ -13,6 +13,7 @@ RULES = {
     "zero of a condition": (r"closed_below|gap_tolerance|ncgen_closed\b", "ncgen_chain.c"),
     "bounces that accumulate": (r"\bat_rest\b(?!\()|1 - [^\n]*restitution", "ncgen_chain.c"),
     "laws of impact": (r"restitution[\])]*\s*\*|1 \+ [^\n]*restitution", "ncgen_contact_laws.c ncgen_impulses.c"),
+    "laws of several impacts": (r'"ncgen_simultaneous"', "impacts_in_c.py"),
     "least squares of impulses": (r"nnls|lstsq|most_lacking", "ncgen_contact_laws.c"),
     "what its load does not allow": (r"load_tolerance|slack_before|friction_reserve|reserve = ", "ncgen_active.c"),
     "what cannot move": (r"1\.?0?e-0?9\)? \* whole|least_mobility", "ncgen_active.c"),

@@ -108,6 +108,13 @@ def calls(s) -> dict[str, dict]:
         "rotor": {"coordinate": s.psi, "inertia": 0.1},
         "payload": {"body": s.rod, "name": "load", "mass": 1.0, "com": (1, 0, 0), "inertia": 0.1, "basis": None, "as_given": False},
         "couple": {"body": s.rod, "vector": (1, 2, 3), "label": "mine"},
+        "polynomial_spring": {"angle": s.psi, "stiffness": (1.0, 0.2), "damping": (2.0, 0.1, 0.3), "free_angle": 1.0, "label": "mine"},
+        "ball_spring": {
+            "parent": s.rod, "child": s.arm, "stiffness": (1.0, 0.2), "damping": (2.0, 0.1, 0.3),
+            "axes": [(0, 0, 1), (1, 0, 0), (0, 1, 0)], "label": "mine",
+        },
+        "anchor_spring": {"body": s.rod, "position": (1, 0, 0), "stiffness": (1.0,), "damping": (2.0, 0.1, 0.3), "label": "mine"},
+        "constant_force": {"body": s.rod, "position": (1, 0, 0), "vector": (1, 2, 3), "label": "mine"},
         "potential": {"expression": s.A.x**2, "label": "mine"},
         "spring": {"start": s.A, "end": s.B, "stiffness": 1.0, "damping": 2.0, "free_length": 1.0, "law": None, "label": "mine"},
         "torsion_spring": {"angle": s.psi, "stiffness": 1.0, "damping": 2.0, "free_angle": 1.0, "law": None, "label": "mine"},
@@ -195,6 +202,11 @@ UNANNOTATED = {
     ("independent", "coordinates"): [[None], ["nobody"], [3], ["O.x"], [[]]],
     ("force", "vector"): NO_VECTORS,
     ("couple", "vector"): NO_VECTORS,
+    **{
+        (word, key): [each for each in NO_VECTORS if not (isinstance(each, tuple) and len(each) == 1 and each[0] == 1)]
+        for word in ("polynomial_spring", "ball_spring", "anchor_spring")
+        for key in ("stiffness", "damping")
+    },
     ("body", "inertia"): [
         "heavy",
         (1, 2),

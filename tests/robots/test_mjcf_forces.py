@@ -1,5 +1,7 @@
 """Forces that MJCF says beside gravity: accelerations of all natural coordinates at random states beside MuJoCo's."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +113,36 @@ def test_without_springs_and_dampers_nothing_is_passive(tmp_path):
     option = '<option><flag spring="disable" damper="disable"/></option>'
     model = ncgen.load(arm(tmp_path / "arm.xml", option=option, q='stiffness="3" damping="1"', a='gravcomp="1"'))
     assert not model.springs and not model.potentials and model.left_out == ()
+
+
+FIRST_MOTION = """
+import sys, warnings, ncgen
+warnings.simplefilter("ignore")
+ncgen.simulate(ncgen.compile(ncgen.load(sys.argv[1]), "c"), 1e-3)
+print(*({"sympy", "http.client", "mujoco"} & {*sys.modules}))
+"""
+
+
+def test_a_cached_motion_imports_little_and_a_changed_number_compiles_nothing(tmp_path, monkeypatch):
+    """Not with springs and dampers of a ball, of a free body, polynomial ones of hinges and sliders, and compensated weights."""
+    cache, path = tmp_path / "cache", arm(tmp_path / "arm.xml", **TOGETHER)
+    monkeypatch.setenv("NCGEN_CACHE_DIR", str(cache))
+
+    def imported():
+        return subprocess.run([sys.executable, "-c", FIRST_MOTION, str(path)], capture_output=True, text=True, check=True).stdout.split()
+
+    assert "mujoco" in imported()
+    assert imported() == []
+    libraries = sorted(cache.glob("*/build.json"))
+    changes = ('mass="0.5"', 'mass="0.52"'), ('stiffness="2 0.5"', 'stiffness="2.1 0.6"'), ('stiffness="4"', 'stiffness="4.2"')
+    changes += (
+        ('damping="0.2 0.1 0.3"', 'damping="0.21 0.11 0.3"'),
+        ('pos="0.02 0 0.03"', 'pos="0.021 0 0.03"'),
+        ('"0 0.1 -0.3"', '"0 0.11 -0.3"'),
+    )
+    for old, new in (*changes, ('gravcomp="1.7"', 'gravcomp="1.6"')):
+        text = path.read_text()
+        assert text.count(old) == 1
+        path.write_text(text.replace(old, new))
+        assert "sympy" not in imported(), new
+        assert sorted(cache.glob("*/build.json")) == libraries, new

@@ -155,3 +155,15 @@ def test_plugins_with_settings_are_not_kept(tmp_path, compilations):
     for count in (1, 2):
         ncgen.load(path)
         assert len(compilations) == count
+
+
+def test_plugins_whose_settings_are_shapes_are_kept(tmp_path, compilations):
+    """They read no files, and making the shapes takes longer than all else."""
+    instance = '<instance name="ring"><config key="radius1" value="{}"/></instance>'
+    plugin = f'<extension><plugin plugin="mujoco.sdf.torus">{instance}</plugin></extension>'
+    mesh = '<asset><mesh name="ring"><plugin instance="ring"/></mesh></asset>'
+    body = '<worldbody><body><joint/><geom type="sdf" mesh="ring"><plugin instance="ring"/></geom></body></worldbody>'
+    for radius, count in ((0.3, 1), (0.3, 1), (0.35, 2)):
+        path = write(tmp_path / "r.xml", f"<mujoco>{plugin.format(radius)}{mesh}{body}</mujoco>")
+        ncgen.load(path)
+        assert len(compilations) == count

@@ -10,6 +10,7 @@ from ncgen.emit.environment import render
 from ncgen.emit.wasm.binary import LINK
 from ncgen.emit.wasm.linked import Linked, linked_module
 from ncgen.exchange.export.package import Package
+from ncgen.mechanism.impacts_in_c import LAWS
 from ncgen.program.algebra.quasidefinite import Elimination
 from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.solver.events.holdables import CONTACT, GAP, JOINT, LOCK, RATCHET, RUBBING_GAP
@@ -27,8 +28,7 @@ FUNCTIONS = (
 
 KINDS = ("NCGEN_SET", "NCGEN_SET_VELOCITY", "NCGEN_IMPACT", "NCGEN_STOP", "NCGEN_LOCK", "NCGEN_FREE")
 HOLDS = (GAP, JOINT, RATCHET, LOCK, RUBBING_GAP, CONTACT)
-LAWS = ("NCGEN_NO_LAW", "NCGEN_SIMULTANEOUS", "NCGEN_IN_TURN")
-"""Kinds of actions and of what is held, and laws of impacts, in the order of their numbers in ncgen_event_table.h."""
+"""Kinds of actions and of what is held, in the order of their numbers in ncgen_event_table.h."""
 
 FIRST_FUNCTION = 24
 """Where their numbers begin in the description."""
@@ -98,11 +98,12 @@ def _integers(package: Package) -> list[int]:
     ]
     counts += [breaks.lines, breaks.curves, int(breaks.jumps)] if breaks else [0, 0, 0]
     happening: dict[str, Any] = package.events.described if package.events else {}
-    counts += [happening[word] for word in ("count", "most")] if happening else [0, 0]
-    counts += (
-        [len(happening["rows"]), LAWS.index(happening["law"]), happening["values"], happening["degree"]] if happening else [0, 0, 0, 0]
-    )
-    counts += [happening["events"], len(happening["holds"]), happening["loads"], len(happening["own"])] if happening else [0, 0, 0, 0]
+    if happening:
+        counts += [happening["count"], happening["most"], len(happening["rows"]), [*LAWS.values()].index(happening["law"])]
+        counts += [happening[word] for word in ("values", "degree", "events")]
+        counts += [len(happening["holds"]), happening["loads"], len(happening["own"])]
+    else:
+        counts += 10 * [0]
     counts.append(package.held.kernels.m if package.held else 0)
     counts += [int(happening["follows_loads"]), len(happening["rubbings"]), happening["sliding"]] if happening else [0, 0, 0]
     phi_q = _with_rows(kernels.phi_q_pattern, drives)

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ncgen.errors import ModelError
-from ncgen.exchange.robots.passive import expressions, point_of
+from ncgen.exchange.robots.passive import expressions
 from ncgen.model import Model
 from ncgen.model.bodies import BodyFrame
 from ncgen.model.elements import AXES, Combination
@@ -42,4 +40,4 @@ def carried(model: Model, frame: BodyFrame) -> tuple[Combination, list[Combinati
     """The origin and the three axes of a frame as they move with its body."""
     body = model.bodies[frame.body]
     axes = [model.direction_of(body, axis, "axis") for axis in frame.rotation.T.tolist()]
-    return point_of(model, body, np.asarray(frame.position)), axes
+    return model.attached(body, frame.position.tolist(), "frame"), axes

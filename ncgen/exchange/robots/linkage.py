@@ -1,8 +1,10 @@
-"""A mechanism with loops as a robot: what a file of links and joints can say of it that may close loops.
+"""A mechanism as a robot: what a file of links and joints can say of it.
 
-The file begins where the model begins: there every joint's coordinate is 0, since only there loops are known to close. Springs' rests move
-along. In addition to bodies, rods between two points (`m.distance`, bodies of two points) become links on a universal joint and a ball,
-measured lengths (`m.length`) pairs of links without mass that slide on each other; in the plane they have hinges.
+Every link's frame stands along the global axes in the initial position, at the joint that carries it, so axes and inertias are written as
+they are; parameters have their defaults. Joints of an open tree have the names, signs and zeros of the model's coordinates. With loops the
+file begins where the model begins: there every joint's coordinate is 0, since only there loops are known to close. Springs' rests move
+along. There, in addition to bodies, rods between two points (`m.distance`, bodies of two points) become links on a universal joint and a
+ball, measured lengths (`m.length`) pairs of links without mass that slide on each other; in the plane they have hinges.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy as np
 import sympy
 
 from ncgen.errors import ModelError
+from ncgen.exchange.robots.joint_values import motion
 from ncgen.exchange.robots.looks import Shape, shapes_on
 from ncgen.exchange.robots.model_loads import Acting, acting, gravity_of, mass_of, origin_of
 from ncgen.exchange.robots.placement import Placement
@@ -27,9 +30,16 @@ from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Sp
 from ncgen.model.pairs import SLIDING, Screw, joint_between, sliding_of
 from ncgen.model.rows import Row
 from ncgen.model.values import as_sympy, evaluate
+from ncgen.solver.joints.joint_space import JointsOfTree
 from ncgen.symbolic.tree import spanning_tree
 
 WORLD = "world"
+
+KINDS = {(0, 0): "fixed", (1, 1): "revolute", (1, 0): "prismatic", (3, 3): "spherical", (3, 1): "planar", (6, 3): "floating"}
+"""{(degrees of freedom, rotations among them): the kind of joint}."""
+
+ROUNDING = 1e-15
+"""A coordinate that begins this near to 0 begins there (rad; m)."""
 
 AXIS_TOLERANCE = 1e-9
 """Sine of the angle up to which an axis is that of a joint."""
@@ -38,8 +48,13 @@ NORMAL = np.array([0.0, 0.0, 1.0])
 
 
 def linkage_of(model: Model) -> Robot:
-    """The robot that a model is, loops among its joints. Raises ModelError naming a row, a coordinate or a load that it cannot say."""
+    """The robot that a model is; joints may close loops. Raises ModelError naming a row, a coordinate or a load that it cannot say."""
     return _Linkage(model).robot()
+
+
+def tree_of(space: JointsOfTree) -> Robot:
+    """The robot that an open tree is. Raises ModelError naming a body whose joint it cannot say."""
+    return _Linkage(space.kernels.model, space).robot()
 
 
 @dataclass(eq=False)
@@ -53,13 +68,15 @@ class _Part:
 
 
 class _Linkage:
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self.names = {body.name for body in model.bodies.values()} | {WORLD}
-        self.tree = spanning_tree(model)
+    """space: of an open tree; None where joints may close loops"""
+
+    def __init__(self, model: Model, space: JointsOfTree | None = None) -> None:
+        self.model, self.space = model, space
+        self.names = {body.name for body in model.bodies.values()}
+        self.tree = space.tree if space else spanning_tree(model)
         self.is_planar = all(body.frame.planar for body in model.bodies.values())
         fixed = [e for e in model.elements.values() if isinstance(e, Spatial) and e.fixed]
-        self.world = _Part(WORLD, fixed, model.ground)
+        self.world = _Part(self._free(WORLD), fixed, model.ground)
         self.parts = [self.world, *(_Part(link.body.name, link.body.elements, link.body) for link in self.tree.links)]
         self.joints: list[Joint] = []
         self.loops: list[Joint] = []
@@ -67,9 +84,30 @@ class _Linkage:
         self.described: set[str] = set()
 
     def robot(self) -> Robot:
-        self._refuse()
+        if not self.space:
+            self._refuse()
         for number in range(len(self.tree.links)):
             self._hang(number)
+        if not self.space:
+            self._add_loops()
+        floats = not any(self.world.name in (joint.parent, joint.child) for joint in (*self.joints, *self.loops))
+        parts = self.parts[1:] if floats else self.parts
+        links = {
+            each.name: Link(name=each.name, mass=mass_of(self.model, each.body, each.position), shapes=self._shapes(each)) for each in parts
+        }
+        robot = Robot(
+            name=self.model.name,
+            links=links,
+            joints=tuple(self.joints),
+            loops=tuple(self.loops),
+            gravity=gravity_of(self.model),
+            floats=floats,
+        )
+        robot = hung(robot, {solid.name: Placement(position=solid.position) for solid in parts})
+        return _with_coordinates(robot, self.space) if self.space else robot
+
+    def _add_loops(self) -> None:
+        """What is in a mechanism besides the joints of its tree, and the coordinates of its joints."""
         for number in range(len(self.tree.links)):
             self._close(number)
         self._universals()
@@ -84,29 +122,15 @@ class _Linkage:
         self._coordinates()
         self._follow()
         self._hold()
-        floats = not any(WORLD in (joint.parent, joint.child) for joint in (*self.joints, *self.loops))
-        parts = self.parts[1:] if floats else self.parts
-        links = {
-            each.name: Link(name=each.name, mass=mass_of(self.model, each.body, each.position), shapes=self._shapes(each)) for each in parts
-        }
-        robot = Robot(
-            name=self.model.name,
-            links=links,
-            joints=tuple(self.joints),
-            loops=tuple(self.loops),
-            gravity=gravity_of(self.model),
-            floats=floats,
-        )
-        return hung(robot, {solid.name: Placement(position=solid.position) for solid in parts})
 
     # -- bodies --------------------------------------------------------------------------------
 
     def _hang(self, number: int) -> None:
-        """The joint of the tree that carries a body; none where it moves freely."""
+        """The joint of the tree that carries a body; none where it moves freely and loops may hold it."""
         link, solid = self.tree.links[number], self.parts[number + 1]
         parent = self.world if link.parent is None else self.parts[link.parent + 1]
         solid.position = origin_of(link)
-        if len(link.screws) < 6:
+        if self.space or len(link.screws) < 6:
             self._join(f"joint_{solid.name}", parent, solid, link.screws)
 
     def _close(self, number: int) -> None:
@@ -125,13 +149,14 @@ class _Linkage:
 
     def _join(self, name: str, parent: _Part, child: _Part, screws: Sequence[Screw], closes: bool = False) -> None:
         turning = [screw for screw in screws if screw.point]
-        kind = {(0, 0): "fixed", (1, 1): "revolute", (1, 0): "prismatic", (3, 3): "spherical"}.get((len(screws), len(turning)))
+        kind = KINDS.get((len(screws), len(turning)))
         if kind is None:
             raise ModelError(
-                f"{self.model.name}: {child.name} has {len(screws)} degrees of freedom ({len(turning)} rotations) "
-                f"relative to {parent.name}; files have hinges, sliders, balls and universal joints: put a body without mass between"
+                f"{self.model.name}: {child.name} has {len(screws)} degrees of freedom ({len(turning)} rotations) relative to "
+                f"{parent.name}; files have hinges, sliders, balls, planes and universal joints: put a body without mass between"
             )
-        axis = unit(screws[0].axis.initial) if kind in ("revolute", "prismatic") else NORMAL
+        along = {"revolute": screws, "prismatic": screws, "planar": turning}.get(kind)
+        axis = unit(along[0].axis.initial) if along else NORMAL
         position = next((screw.point.initial for screw in turning if screw.point), child.position)
         self._add(name, kind, (parent, child), position, closes, axis=axis)
 
@@ -207,7 +232,7 @@ class _Linkage:
             if row.owner.joint != "universal":
                 continue
             axes = [row.direction(name) for name in ("u", "v")]
-            names = {WORLD if name == self.model.ground.name else name for name in row.owner.bodies}
+            names = {self.world.name if name == self.model.ground.name else name for name in row.owner.bodies}
             for joint in (*self.joints, *self.loops):
                 parent, child = self.at[joint]
                 if joint.kind == "spherical" and {parent.name, child.name} == names:
@@ -331,6 +356,20 @@ class _Linkage:
             name += "_"
         self.names.add(name)
         return name
+
+
+def _with_coordinates(robot: Robot, space: JointsOfTree) -> Robot:
+    """Joints of an open tree get the names, signs and zeros of the coordinates that follow them."""
+    kernels, joints = space.kernels, list(robot.joints)
+    for coordinate, (rate, factor) in space.followed.items():
+        child = next(link.body.name for link, rates in zip(space.tree.links, space.tree.rates, strict=True) if rate in rates)
+        number, joint = next((number, joint) for number, joint in enumerate(joints) if joint.child == child)
+        if joint.kind in ("revolute", "prismatic"):
+            name, start = kernels.coordinates[coordinate], float(kernels.q0[coordinate])
+            joint = replace(joint, name=name, axis=joint.axis if factor > 0 else -joint.axis, **acting(kernels.model, name))
+            back = motion(joint, np.array([0.0 if abs(start) < ROUNDING else -start]))
+            joints[number] = replace(joint, placement=joint.placement @ back)
+    return replace(robot, joints=tuple(joints))
 
 
 def _is_rod(row: Row) -> bool:

@@ -56,14 +56,17 @@ FOLDERS = ("meshdir", "texturedir", "assetdir", "modeldir")
 MODELS = ("include", "model")
 """Elements that name files with more of the model."""
 
-PLUGIN_SETTING = "config"
-"""The element with a setting of a plugin."""
+PLUGIN, PLUGIN_SETTING = "plugin", "config"
+"""The elements, and the attribute, that name a plugin, and the element with a setting of one."""
+
+PLUGINS_WITHOUT_FILES = {f"mujoco.sdf.{shape}" for shape in ("bolt", "bowl", "gear", "nut", "torus")}
+"""Plugins of MuJoCo that make shapes of their settings alone, which takes longer than all else."""
 
 
 class Family(NamedTuple):
     """The root elements of a file and of all that it includes, and the real paths of all files that the model is made of.
 
-    files is empty where plugins, which may open files of their own, have settings.
+    files is empty where plugins have settings that may open files of their own.
     """
 
     roots: list[Markup]
@@ -78,15 +81,17 @@ def family(root: Markup, path: Path) -> Family:
     members, files = [(root, path)], {_real(path)}
     for each, origin in members:  # which grow
         _check_copies(each, 1)
-        models = [(element, name) for element, name in _named(each) if element.tag in MODELS]
+        models = [(element, name) for element, name in named_files(each) if element.tag in MODELS]
         more = _found(models, _folders((root, each), (path.parent, origin.parent)), files)
         members += [(read_markup(file), file) for file in more if file.suffix.lower() != ".mjb"]
         if len(members) > MOST_FILES:
             root.refuse(f"it includes more than {MOST_FILES} files")
     roots = [each for each, _ in members]
     folders = _folders(roots, dict.fromkeys(origin.parent for _, origin in members))
-    files.update(map(_real, _found((named for each in roots for named in _named(each)), folders, files)))
-    settings = any(each.tag == PLUGIN_SETTING for each in chain.from_iterable(each.walk() for each in roots))
+    files.update(map(_real, _found((named for each in roots for named in named_files(each)), folders, files)))
+    elements = list(chain.from_iterable(each.walk() for each in roots))
+    plugins = {each.attributes[PLUGIN] for each in elements if each.tag == PLUGIN and PLUGIN in each.attributes}
+    settings = any(each.tag == PLUGIN_SETTING for each in elements) and not plugins <= PLUGINS_WITHOUT_FILES
     return Family(roots, frozenset() if settings else frozenset(files))
 
 
@@ -127,7 +132,7 @@ def _check_copies(element: Markup, copies: int) -> None:
         _check_copies(child, copies)
 
 
-def _named(root: Markup) -> Iterator[tuple[Markup, str]]:
+def named_files(root: Markup) -> Iterator[tuple[Markup, str]]:
     """Elements that name files, and the names."""
     for element in root.walk():
         for key, name in element.attributes.items():

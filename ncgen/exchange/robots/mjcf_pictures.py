@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from xml.sax.saxutils import escape, quoteattr
 
 from ncgen.exchange.robots.markup import Attributes, Markup, read_markup
 
@@ -119,5 +118,7 @@ def _is_no_number(text: str) -> bool:
 
 
 def _text(element: Markup) -> str:
+    from xml.sax.saxutils import escape, quoteattr  # which imports all that speaks HTTP
+
     attributes = "".join(f" {key}={quoteattr(text)}" for key, text in element.attributes.items())
     return f"<{element.tag}{attributes}>{escape(element.raw)}{''.join(map(_text, element.children))}</{element.tag}>"

@@ -12,6 +12,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.balance import remedy
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, PlannedElement, RobotSolid
 from ncgen.exchange.robots.parameters import GEOMETRY, Parts, Shift, add_part, homes_of, parts_of, shifted, shifts_of
+from ncgen.exchange.robots.passive import lift, series, spring_of_ball
 from ncgen.exchange.robots.placement import rotation_about
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
@@ -214,8 +215,6 @@ class _Builder:
         for solid in self.layout.solids.values():
             frame = self.layout.frames[solid.name]
             if masses := [mass.seen_from(frame) for mass in self.robot.links[solid.name].lifted]:
-                from ncgen.exchange.robots.passive import lift
-
                 lift(self.model, self.bodies[solid], masses, self.robot.gravity)
 
     # -- joints --------------------------------------------------------------------------------
@@ -249,14 +248,10 @@ class _Builder:
         if coordinate := self.coordinates.get(joint.name):
             label = f"spring of {coordinate.name}"
             if any((*joint.more_stiffness, *joint.more_damping)):
-                from ncgen.exchange.robots.passive import polynomial
-
-                self.model.torsion_spring(coordinate, law=polynomial(joint), label=label)
+                self.model.polynomial_spring(coordinate, *series(joint), joint.rest, label)
             else:
                 self.model.torsion_spring(coordinate, joint.stiffness, joint.damping, joint.rest, label=label)
         elif joint.kind in ("spherical", "floating"):
-            from ncgen.exchange.robots.passive import spring_of_ball
-
             spring_of_ball(self.model, a, b, joint, self.layout.frames[hold.child.name])
 
     def _screw(self, hold: Hold, a: Body, b: Body) -> Relative:

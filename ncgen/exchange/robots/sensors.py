@@ -6,9 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from ncgen.exchange.robots.passive import expressions, point_of, turning_of
+from ncgen.exchange.robots.passive import expressions, turning_of
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Robot, Sensor
 from ncgen.model import Model
@@ -102,7 +100,7 @@ def _in_frame(model: Model, sensor: Sensor, frames: Mapping[str, tuple[Body, Pla
     body, frame = frames[sensor.of]
     axes = [model.direction_of(body, axis, "axis") for axis in frame.rotation.T.tolist()]
     unit, read = OF_FRAMES[sensor.kind]
-    vector = read(_Frame(point_of(model, body, np.asarray(frame.position)), axes), model, sensor)
+    vector = read(_Frame(model.attached(body, frame.position.tolist(), sensor.name), axes), model, sensor)
     for axis, value in zip(AXES, vector.flat(), strict=True):
         model.output(_label(model, f"{sensor.name}.{axis}"), _cut(sensor, value), unit)
     return True

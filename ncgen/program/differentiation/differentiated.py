@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import adjoints, tangent
+from ncgen.program.ir.derivatives import adjoints, changes_along
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.inlined import inlined
 from ncgen.program.ir.verify import verify
@@ -26,8 +26,7 @@ def tangent_of(program: Program, equations: Terms, outputs: int, prepared: int =
     """f_tangent of the first outputs. prepared: how many numbers follow the parameters in p"""
     graph, lengths = Graph(), reads(program, equations, prepared)
     moved, nodes = written_out(graph, program, lengths)
-    tangents = tangent(graph, nodes[:outputs], {node: graph.load(SEED, k) for k, node in enumerate(moved)})
-    changes = [tangents.get(node, graph.const(0.0)) for node in nodes[:outputs]]
+    changes = changes_along(graph, nodes[:outputs], {node: graph.load(SEED, k) for k, node in enumerate(moved)})
     made = line(graph, f"{program.name}_tangent", (*program.inputs, SEED), changes, equations)
     verify(made, {**lengths, SEED: len(moved)})
     return made

@@ -13,6 +13,7 @@ from typing import TypeAlias
 from ncgen.files import write_text
 from ncgen.model.catalogue import ROW_TYPES
 from ncgen.model.forces import FORCE_TYPES
+from ncgen.model.polynomial_forces import POLYNOMIAL_FORCE_TYPES
 from ncgen.program.ir.graph import Op
 from ncgen.symbolic.force_templates import force_template
 from ncgen.symbolic.mass_templates import cross_product_body, energy_offset, mass_diagonal, mass_pair, weight
@@ -37,7 +38,7 @@ def catalogued() -> dict[str, Operations]:
 def catalogue() -> tuple[Template, ...]:
     """The templates that are the same in all mechanisms and that sympy derives."""
     masses = mass_diagonal(), mass_pair(), weight(), energy_offset(), cross_product_body()
-    return (*map(row_template, ROW_TYPES), *masses, *map(force_template, FORCE_TYPES))
+    return (*map(row_template, ROW_TYPES), *masses, *map(force_template, (*FORCE_TYPES, *POLYNOMIAL_FORCE_TYPES)))
 
 
 def derived() -> str:

@@ -6,7 +6,7 @@ outputs; the reverse sweep finds the gradient of one output by everything it dep
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Graph
@@ -50,6 +50,12 @@ def tangent(graph: Graph, outputs: Collection[int], direction: dict[int, int]) -
         ]
         rates[node] = graph.sum(parts)
     return {output: rates[output] for output in outputs if output in rates and graph.value(rates[output]) != 0.0}
+
+
+def changes_along(graph: Graph, outputs: Sequence[int], direction: dict[int, int]) -> list[int]:
+    """Derivatives along a direction, as `tangent` finds them, one an output: 0 of what does not change."""
+    changes = tangent(graph, outputs, direction)
+    return [changes.get(output, graph.const(0.0)) for output in outputs]
 
 
 def slopes(graph: Graph, node: int) -> list[Callable[[], int]]:

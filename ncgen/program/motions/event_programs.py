@@ -25,7 +25,7 @@ from ncgen.model.names import TIME
 from ncgen.model.values import Scalar
 from ncgen.program.assemble import input_lengths
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import gradient, tangent
+from ncgen.program.ir.derivatives import changes_along, gradient
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines
@@ -69,8 +69,8 @@ def assemble_conditions(
     derivatives, zero = [gradient(graph, gap, variables) for gap in gaps], graph.const(0.0)
     along = {variables[i]: variables[n + i] for i in range(n)} | {variables[n + i]: graph.load("qdd", i) for i in range(n)}
     along[variables[-1]] = graph.const(1.0)
-    rates = [tangent(graph, [gap], along).get(gap, zero) for gap in gaps]
-    second = [tangent(graph, [rate], along).get(rate, zero) for rate in rates]
+    rates = changes_along(graph, gaps, along)
+    second = changes_along(graph, rates, along)
     slides = [expression_node(lines, *each) for each in velocities]
     outputs = {
         "conditions": [node for pair in zip(gaps, sizes, strict=True) for node in pair],

@@ -17,7 +17,7 @@ import numpy as np
 
 from ncgen.program.assemble import input_lengths
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import gradient, tangent
+from ncgen.program.ir.derivatives import changes_along, gradient
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
@@ -106,8 +106,8 @@ def _impact(lines: Lines, gaps: Sequence[Named], rates: Sequence[Named]) -> list
 def _program(lines: Lines, name: str, nodes: Sequence[int], along: dict[int, int]) -> Program:
     """How nodes change along a direction."""
     equations, graph = lines.equations, lines.graph
-    changes, n = tangent(graph, nodes, along), len(equations.free)
-    program = lines.program(name, INPUTS[name], [changes.get(node, graph.const(0.0)) for node in nodes])
+    n = len(equations.free)
+    program = lines.program(name, INPUTS[name], changes_along(graph, nodes, along))
     more = {"after": n, "mu": len(equations.rows), "push": len(nodes), "seed": 1 + 2 * n + len(equations.parameters)}
     verify(program, input_lengths(equations) | more)
     return program

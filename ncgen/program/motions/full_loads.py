@@ -19,7 +19,7 @@ from ncgen.model.rows import Owner
 from ncgen.model.values import Parameter, is_number
 from ncgen.program.binding import BoundTerm, Reference
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import tangent
+from ncgen.program.ir.derivatives import changes_along
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value
 from ncgen.program.ir.verify import verify
@@ -39,9 +39,8 @@ def assemble_loads(equations: Terms) -> tuple[Program, Program]:
     along = directions(lines)
     moved = [*(("qd", i) for i in range(n)), *(("qdd", i) for i in range(n)), *(("lam", r) for r in range(m))]
     along |= {graph.load(*leaf): graph.load("change", k) for k, leaf in enumerate(moved)}
-    changes = tangent(graph, nodes, along)
     inputs = ("t", "q", "qd", "qdd", "lam", "p", "seed", "change")
-    derivative = lines.program("loads_tangent", inputs, [changes.get(node, graph.const(0.0)) for node in nodes])
+    derivative = lines.program("loads_tangent", inputs, changes_along(graph, nodes, along))
     parameters = len(equations.parameters)
     lengths = {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": parameters, "seed": 1 + 2 * n + parameters, "change": 2 * n + m}
     for each in (program, derivative):

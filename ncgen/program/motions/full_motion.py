@@ -31,7 +31,7 @@ import numpy as np
 
 from ncgen.program.algebra.elimination import SymmetricFactors, factor_symmetric, solve_symmetric
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import tangent
+from ncgen.program.ir.derivatives import changes_along, tangent
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
@@ -247,8 +247,7 @@ class _Motion:
         x = self.saddle.change(self.x, self.right, along, self.saddle.refined)
         along |= {self.x[k]: x.get(k, zero) for k in self.x if graph.value(self.x[k]) is None}
         scalars = [self.power, self.kinetic, self.potential]
-        changes = tangent(graph, scalars, along)
-        outputs = [*rates, *(x.get(k, zero) for k in range(self.n + self.m)), *(changes.get(node, zero) for node in scalars)]
+        outputs = [*rates, *(x.get(k, zero) for k in range(self.n + self.m)), *changes_along(graph, scalars, along)]
         return lines.program("motion_tangent", ("t", "q", "qd", "p", "e", "seed"), outputs)
 
 

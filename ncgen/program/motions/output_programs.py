@@ -21,7 +21,7 @@ from ncgen.model.outputs import Output
 from ncgen.model.values import as_sympy, is_number
 from ncgen.program.assemble import input_lengths
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import tangent
+from ncgen.program.ir.derivatives import changes_along
 from ncgen.program.ir.lower import lower_value
 from ncgen.program.ir.verify import verify
 from ncgen.program.labels import labelled_errors
@@ -46,8 +46,7 @@ def assemble_outputs(equations: Terms) -> tuple[Program, Program]:
     sizes = input_lengths(equations)
     moved = [(array, k) for array in INPUTS[1:] for k in range(sizes[array])]
     along = {lines.graph.load(*leaf): lines.graph.load("seed", k) for k, leaf in enumerate(moved)}
-    changes = tangent(lines.graph, nodes, along)
-    derivative = lines.program("outputs_tangent", (*INPUTS, "seed"), [changes.get(node, lines.graph.const(0.0)) for node in nodes])
+    derivative = lines.program("outputs_tangent", (*INPUTS, "seed"), changes_along(lines.graph, nodes, along))
     for each in (program, derivative):
         verify(each, sizes | {"seed": len(moved)})
     return program, derivative
@@ -62,8 +61,8 @@ def assemble_load_slopes(equations: Terms) -> Program:
     graph = lines.graph
     known = _known(lines) | {name: partial(graph.load, "felt", k) for k, name in enumerate(names)}
     nodes = [_node(lines, output, known) for output in equations.model.outputs.values()]
-    changes = tangent(graph, nodes, {graph.load("felt", k): graph.load("seed", k) for k in range(len(names))})
-    program = lines.program("load_slopes", LOAD_INPUTS, [changes.get(node, graph.const(0.0)) for node in nodes])
+    along = {graph.load("felt", k): graph.load("seed", k) for k in range(len(names))}
+    program = lines.program("load_slopes", LOAD_INPUTS, changes_along(graph, nodes, along))
     verify(program, input_lengths(equations) | {"felt": len(names), "seed": len(names)})
     return program
 

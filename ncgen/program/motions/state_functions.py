@@ -27,7 +27,7 @@ from typing import TypeAlias
 from ncgen.program.algebra.elimination import solve_positive
 from ncgen.program.ir.blocks import Program, written
 from ncgen.program.ir.cut import cut
-from ncgen.program.ir.derivatives import gradient, tangent
+from ncgen.program.ir.derivatives import changes_along, gradient, tangent
 from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.inlined import inlined
@@ -95,8 +95,7 @@ class StateFunction:
         nodes = self.along.nodes if self.along else self.nodes
         if self.along:
             seeds = {load: self.graph.load("seed", k) for k, load in enumerate(self.along.variables)}
-            changes = tangent(self.graph, nodes, seeds)
-            nodes, read = [changes.get(node, self.graph.const(0.0)) for node in nodes], read | {"seed": len(seeds)}
+            nodes, read = changes_along(self.graph, nodes, seeds), read | {"seed": len(seeds)}
         block = finish(written(self.graph, "out", nodes))
         program = cut(Program(name=f"entries_of_{self.name}", inputs=tuple(read), output="out", size=len(nodes), blocks=(block,)))
         verify(program, read)
@@ -229,8 +228,7 @@ class _Work:
 
     def rates(self, nodes: Sequence[int], motion: Mapping[int, int]) -> list[int]:
         """How nodes change where inputs change like this."""
-        changes = tangent(self.graph, nodes, dict(motion))
-        return [changes.get(node, self.graph.const(0.0)) for node in nodes]
+        return changes_along(self.graph, nodes, dict(motion))
 
     def outputs(self, q: list[int], qd: list[int], qdd: list[int]) -> list[StateFunction]:
         """[] where the model has none. They mention no loads: there are no multipliers here."""

@@ -24,7 +24,7 @@ from typing import Literal, TypeAlias
 from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.algebra.space import Vector
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import tangent
+from ncgen.program.ir.derivatives import changes_along
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
@@ -64,8 +64,7 @@ def assemble_joint_space(equations: Terms, followed: Followed, group: Made) -> d
 def changes(graph: Graph, nodes: Sequence[int], moved: Sequence[int], count: int) -> list[int]:
     """How nodes change where the coordinates q change by `moved` and the rates v by dv, of which there are so many."""
     direction = {graph.load("q", c): node for c, node in enumerate(moved)} | {graph.load("v", k): graph.load("dv", k) for k in range(count)}
-    tangents = tangent(graph, nodes, direction)
-    return [tangents.get(node, graph.const(0.0)) for node in nodes]
+    return changes_along(graph, nodes, direction)
 
 
 def gravity_of(lines: Lines) -> Vector:

@@ -19,7 +19,7 @@ import numpy as np
 
 from ncgen.program.algebra.elimination import dot
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import tangent
+from ncgen.program.ir.derivatives import changes_along
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.inlined import inlined
 from ncgen.program.ir.sampling import Sample
@@ -91,8 +91,7 @@ class JointLoops(Recursion):
     def spread_rate(self) -> Program:
         graph = self.graph
         direction = {graph.load("q", c): rate for c, rate in enumerate(self.lines.rates)} | {graph.load("t", 0): self.one}
-        changes = tangent(graph, self._entries, direction)
-        return self._program("spread_rate", MOVING, [changes.get(node, self.zero) for node in self._entries])
+        return self._program("spread_rate", MOVING, changes_along(graph, self._entries, direction))
 
     @cached_property
     def _entries(self) -> list[int]:

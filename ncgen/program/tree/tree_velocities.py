@@ -103,7 +103,7 @@ class TreeVelocities:
         values, is_point = self.values(q), self.is_point[elements][:, None]
         turning, along, origins = self._twists(values, rates)
         levers = values[np.array(self.components, dtype=int).reshape(-1, 3)[elements]] - np.where(is_point, origins[links], 0.0)
-        return np.cross(turning[..., links, :], levers) + np.where(is_point, along[..., links, :], 0.0)
+        return cross(turning[..., links, :], levers) + np.where(is_point, along[..., links, :], 0.0)
 
     def moving_together(self, q: np.ndarray, rates: np.ndarray) -> dict[tuple[int, int], bool]:
         """{(element, link to whose body it belongs): whether it moves with the link at all rates (tries, screws)}."""

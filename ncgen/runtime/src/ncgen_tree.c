@@ -191,7 +191,7 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     if (!ncgen_has_pairs_alone(w))
         ncgen_tree_push_singles(w);
     ncgen_tree_put(r, w, FORCE, w->force);
-    ncgen_tree_add_forces(w);
+    ncgen_tree_add_forces(w, 1);
     is_regular &= solve(w);
     ncgen_tree_spread_changes(w);
     ncgen_tree_measure_pushes(w);

@@ -266,31 +266,19 @@ void ncgen_tree_set_wrenches(ncgen_tree_work *w)
     }
 }
 
-static inline void add_forces(const ncgen_tree_block *b, lanes *wrench)
-{
-    for (const ncgen_tree_slot *s = b->slot, *last = s + b->n_own; s < last; ++s) {
-        add_cross(s->numbers + LEVER, s->numbers + FORCE, wrench);
-        for (int i = 0; i < 3; ++i)
-            wrench[3 + i] += s->numbers[IS_POINT] * s->numbers[FORCE + i];
-    }
-    set(6, wrench, b->numbers + WRENCH);
-}
-
-void ncgen_tree_add_forces(ncgen_tree_work *w)
-{
-    for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
-        lanes wrench[6];
-        set(6, b->numbers + WRENCH, wrench);
-        add_forces(b, wrench);
-    }
-}
-
-void ncgen_tree_set_forces(ncgen_tree_work *w)
+void ncgen_tree_add_forces(ncgen_tree_work *w, int to_wrenches)
 {
     static const lanes nothing;
     for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
-        lanes wrench[6] = {nothing, nothing, nothing, nothing, nothing, nothing};
-        add_forces(b, wrench);
+        lanes wrench[6];
+        for (int i = 0; i < 6; ++i)
+            wrench[i] = to_wrenches ? b->numbers[WRENCH + i] : nothing;
+        for (const ncgen_tree_slot *s = b->slot, *last = s + b->n_own; s < last; ++s) {
+            add_cross(s->numbers + LEVER, s->numbers + FORCE, wrench);
+            for (int i = 0; i < 3; ++i)
+                wrench[3 + i] += s->numbers[IS_POINT] * s->numbers[FORCE + i];
+        }
+        set(6, wrench, b->numbers + WRENCH);
     }
 }
 

@@ -27,9 +27,8 @@ void ncgen_tree_spread_twists(ncgen_tree_work *w);
 /* ... and wrenches of the bodies' own mass, where the joints are not accelerated. */
 void ncgen_tree_set_wrenches(ncgen_tree_work *w);
 
-/* Forces along coordinates, in the slots, in the wrenches; as the wrenches. */
-void ncgen_tree_add_forces(ncgen_tree_work *w);
-void ncgen_tree_set_forces(ncgen_tree_work *w);
+/* Forces along coordinates, in the slots, added to the wrenches, or as the wrenches. */
+void ncgen_tree_add_forces(ncgen_tree_work *w, int to_wrenches);
 
 /* As the wrenches, the momenta of the bodies' own mass where coordinates have velocities that their links do not have: w->bias. */
 void ncgen_tree_set_momenta(const ncgen_run *r, ncgen_tree_work *w);

@@ -48,7 +48,7 @@ static void clear_row(const ncgen_run *r, ncgen_tree_work *w, int row)
 void ncgen_tree_respond(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *x)
 {
     ncgen_tree_put(r, w, FORCE, w->force);
-    ncgen_tree_set_forces(w);
+    ncgen_tree_add_forces(w, 0);
     ncgen_tree_respond_to_wrenches(r, w, x);
 }
 

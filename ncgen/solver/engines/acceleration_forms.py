@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ncgen.errors import NcgenError
+from ncgen.mechanism import numbered
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.methods.method import Method
@@ -136,7 +137,8 @@ def _has_few_rates(kernels: Kernels, most: int | None = None, least: int = 1) ->
 
     least, most: rates (default: MOST_RATES)
     """
-    freedoms = tree_of(kernels).dof
+    structure = numbered.of(kernels.programs)
+    freedoms = tree_of(kernels).dof if structure is None else structure.rates
     return least <= freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
 
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.impacts_in_c import LAWS
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Change, Impact, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.model.values import Scalar
 from ncgen.solver.events.conditions import VALUE_ROUNDING, most_degree
 from ncgen.solver.name_lists import listed_names
-
-LAWS = {"": "NCGEN_NO_LAW", "simultaneous": "NCGEN_SIMULTANEOUS", "in turn": "NCGEN_IN_TURN"}
-"""Laws of several impacts at one instant, in C."""
 
 
 @dataclass(frozen=True)

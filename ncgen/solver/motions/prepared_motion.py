@@ -160,11 +160,6 @@ class PreparedMotion:
         return kernels.remember("mobility at starts", start, lambda: rank_at(kernels, start.q, t, start.p), REMEMBERED)
 
     @cached_property
-    def is_singular(self) -> bool:
-        """Whether the start is a singular position, of a run over all coordinates."""
-        return self.choice.method.is_constrained and self.mobility[1]
-
-    @cached_property
     def _inspected(self) -> np.ndarray | None:
         """Numbers of the rows at which C inspects the run: where parameters change, or with other numbers than doubles, it does not."""
         rows = self.rows.looked_at
