@@ -270,6 +270,18 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
     return some || events->n_modes || events->n_holds ? happen(&i) : NCGEN_OK;
 }
 
+int ncgen_add_margins(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment,
+    ncgen_passage *passage, ncgen_real *out)
+{
+    ncgen_moment here = *moment;
+    ncgen_instant i;
+    ncgen_open_instant(&i, d, events, (ncgen_real *)p, &here, passage);
+    const int status = ncgen_look(&i);
+    for (int k = 0; k < ncgen_n_events(&i); ++k)
+        out[k] += ncgen_margin(&i, k);
+    return status;
+}
+
 /* Look at the conditions, and mark events as ncgen_mark_events does. */
 static int mark(ncgen_instant *i, int nearly)
 {

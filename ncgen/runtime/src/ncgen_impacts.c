@@ -16,6 +16,11 @@ const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event)
     return NULL;
 }
 
+ncgen_real ncgen_margin(const ncgen_instant *i, int k)
+{
+    return ncgen_impact_of(i->events, k) ? R(1.0e-12) * i->scales[k] : 0;
+}
+
 static ncgen_real *response(const ncgen_instant *i, int k)
 {
     return i->responses + (size_t)k * (size_t)i->n;

@@ -7,7 +7,7 @@
  * halves of halves, as if these were steps.
  */
 #include "ncgen_crossing.h"
-#include "ncgen_location.h"
+#include "ncgen_inside.h"
 
 /* A value of a condition below this, in units of rounding and over its size, has no sign: rounding of the values times the largest sum of a
  * row of the inverse, 560 for degree 8 and 11,700 for degree 14. */

@@ -1,8 +1,6 @@
 /* ncgen_instant.c: the room of an instant, and what conditions are at it. */
 #include "ncgen_instant.h"
 #include "ncgen_active.h"
-#include "ncgen_events.h"
-#include "ncgen_impacts.h"
 #include "ncgen_impulses.h"
 
 void ncgen_open_instant(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment,
@@ -83,21 +81,4 @@ int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts)
     for (int j = 0; j < i->n; ++j)
         terms += NCGEN_ABS(w[j]) * sizes[j] * speed;
     return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
-}
-
-ncgen_real ncgen_margin(const ncgen_instant *i, int k)
-{
-    return ncgen_impact_of(i->events, k) ? R(1.0e-12) * i->scales[k] : 0;
-}
-
-int ncgen_add_margins(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment,
-    ncgen_passage *passage, ncgen_real *out)
-{
-    ncgen_moment here = *moment;
-    ncgen_instant i;
-    ncgen_open_instant(&i, d, events, (ncgen_real *)p, &here, passage);
-    const int status = ncgen_look(&i);
-    for (int k = 0; k < ncgen_n_events(&i); ++k)
-        out[k] += ncgen_margin(&i, k);
-    return status;
 }

@@ -74,9 +74,6 @@ int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts);
 void ncgen_open_instant(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment,
     ncgen_passage *passage);
 
-/* What integrators outside see of a gap is above it by this much: they find no change of the sign of what begins at zero. */
-ncgen_real ncgen_margin(const ncgen_instant *i, int k);
-
 /* The values of the conditions, with their derivatives and scales, at the moment. */
 int ncgen_look(ncgen_instant *i);
 

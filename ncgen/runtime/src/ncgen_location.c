@@ -1,4 +1,4 @@
-/* ncgen_location.c: values of conditions inside a step, and where one of them passes zero. */
+/* ncgen_location.c: states inside a step, values of conditions there, and where one of them passes zero. */
 #include "ncgen_location.h"
 #include "ncgen_vectors.h"
 

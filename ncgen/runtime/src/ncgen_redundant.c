@@ -11,7 +11,7 @@
 /* Combinations that are found besides, since at singular positions more of them vanish than elsewhere; iterations of each. */
 enum { BESIDES = 3, ITERATIONS = 2 };
 
-/* Of a combination nothing is left beside those before it, in units of rounding. */
+/* Nothing is left of a combination that is less than this many roundings once those before it are taken out. */
 static const ncgen_scalar nothing_left = R(1.0e4);
 
 /* Shares that have grown this much ask for another choice; by how much the first row is preferred to the last one. */
