@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from ncgen.comparisons.derivative_parts import emitted_parts
-from ncgen.comparisons.falls import ToleranceArguments
 from ncgen.comparisons.rivals import KERNELS
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernel_batch import CompiledBatch, available
@@ -15,6 +14,7 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.run_arguments import InitialState
 from ncgen.mechanism.run_rows import Outcome
 from ncgen.report.clock import Run, Spread, measure, repeated
+from ncgen.report.precision import tolerances
 from ncgen.report.repeat import KernelCall, each, runner
 from ncgen.solver.engines.capabilities import is_emitted
 from ncgen.solver.engines.compiled import GROWTH
@@ -39,7 +39,7 @@ WAYS = {False: "batch, one after the other", True: "batch in lanes"}
 COPY_CASE = "copying the results alone"
 """What memory allows: results of so many states pass through no cache."""
 
-TOLERANCES: ToleranceArguments = {"rtol": 1e-6, "atol": 1e-8}
+TOLERANCES = tolerances(1e-6)
 
 
 def batch_records(kernels: CompiledKernels) -> Iterator[dict]:

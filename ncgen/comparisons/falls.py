@@ -7,36 +7,24 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeAlias, TypedDict
+from typing import Any, TypeAlias
 
 from ncgen.comparisons.rivals import handwritten
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.report.precision import own_run
+from ncgen.report.precision import REFERENCE_RTOL, own_run, tolerances
 from ncgen.solver.engines.capabilities import is_emitted
 from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.trajectories.trajectory import Trajectory
 
 TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-10)
-ATOL_OVER_RTOL = 1e-2
-"""Absolute tolerance as a share of the relative one."""
-
 STEPS = (50, 100, 200)
 REPEATS = 9
 MAX_REPEATED_SECONDS = 2.0
 """Seconds after which a run in C is not repeated any more."""
 
-REFERENCE_RTOL = 1e-13
-
 PARTITIONED = "coordinate-partitioning"
-
-
-class ToleranceArguments(TypedDict):
-    """How an integrator that chooses its steps takes its accuracy: arguments of `simulate`."""
-
-    rtol: float
-    atol: float
 
 
 @dataclass(frozen=True)
@@ -82,20 +70,14 @@ def _settings(duration: float) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
         yield "rk4", f"{steps} steps", {"max_step": duration / steps}
 
 
-def tolerances(rtol: float) -> ToleranceArguments:
-    return {"rtol": rtol, "atol": ATOL_OVER_RTOL * rtol}
-
-
 def end_state(kernels: Kernels, duration: float) -> dict[str, float] | None:
     """{coordinate: end value}: known beforehand, or from a run at tight tolerance; None where it cannot be simulated."""
     module = handwritten(kernels)
     if module is not None:
         return module.END
     try:
-        tight = {"rtol": REFERENCE_RTOL, "atol": ATOL_OVER_RTOL * REFERENCE_RTOL}
-        run = simulate_one(
-            kernels, duration, formalism=PARTITIONED, integrator="dopri5", points=2, engine="emitted", **tight, **own_run(kernels)[1]
-        )
+        tight: dict[str, Any] = {**tolerances(REFERENCE_RTOL), **own_run(kernels)[1]}
+        run = simulate_one(kernels, duration, formalism=PARTITIONED, integrator="dopri5", points=2, engine="emitted", **tight)
     except NcgenError:
         return None
     return dict(zip(kernels.coordinates, run.q[-1].tolist(), strict=True))

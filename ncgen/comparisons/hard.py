@@ -15,11 +15,8 @@ from ncgen.comparisons.hard_cases import CASES
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.report.precision import FIXED, TimeIsUp, methods, time_limit
+from ncgen.report.precision import FIXED, TimeIsUp, methods, time_limit, tolerances
 from ncgen.solver.motions.simulate import simulate_one
-
-ATOL_OVER_RTOL = 1e-2
-"""Absolute tolerance as a share of the relative one, for a mechanism of one metre."""
 
 LIMIT = 20.0
 """Seconds after which a run is stopped."""
@@ -42,7 +39,7 @@ def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: s
     """One run as a record."""
     record = {"case": case.name, "formalism": formalism, "integrator": integrator, "engine": None, "error": None, "drift": None}
     record |= {"reference": case.against, "seconds": None, "reason": None, "warnings": None}
-    steps = {"max_step": case.step} if integrator in FIXED else {"rtol": case.rtol, "atol": ATOL_OVER_RTOL * case.rtol * kernels.length}
+    steps = {"max_step": case.step} if integrator in FIXED else tolerances(case.rtol, kernels.length)
     options = {**case.options, **steps, "points": case.points}
     if case.violated:
         noise = np.random.default_rng(1).uniform(-1, 1, kernels.n)

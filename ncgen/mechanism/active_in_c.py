@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ncgen.mechanism.arguments import pointer
-from ncgen.mechanism.library import STATUS
+from ncgen.mechanism.listening import called
 from ncgen.mechanism.runtime_library import interface_of, runtime_of
 from ncgen.mechanism.sliding_in_c import SlidingContact
 from ncgen.toolchain.abi import InC
@@ -22,8 +22,6 @@ Kind = Literal[
 ]  # fmt: skip
 
 MASKS = ("before", "happened", "rests", "closed", "still", "wanted", "released")
-
-DOMAIN = STATUS.index("domain")
 
 
 class Active:
@@ -63,10 +61,7 @@ class Active:
             self._loads[: len(pairs)] = pairs
             return 0
 
-        def failed(kind: type[BaseException], error: BaseException, traceback: object) -> None:
-            raised.append(error)
-
-        function = self._ffi.callback("int(*)(void *, int)", call, error=DOMAIN, onerror=failed)
+        function = called(self._ffi, "int(*)(void *, int)", call, raised.append)
         self._struct.find_loads = function
         status = self._library.ncgen_find_active(self._struct)
         if raised:

@@ -7,11 +7,9 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from ncgen.mechanism.arguments import pointer
-from ncgen.mechanism.library import STATUS
+from ncgen.mechanism.listening import called
 from ncgen.mechanism.runtime_library import interface_of, runtime_of
 from ncgen.toolchain.abi import InC
-
-DOMAIN = STATUS.index("domain")
 
 
 class Chain:
@@ -87,10 +85,7 @@ class Chain:
             function()
             return 0
 
-        def failed(kind: type[BaseException], raised: BaseException, traceback: object) -> None:
-            self._raised.append(raised)
-
-        return self._ffi.callback("int(*)(void *)", call, error=DOMAIN, onerror=failed)
+        return called(self._ffi, "int(*)(void *)", call, self._raised.append)
 
 
 def is_zero(value: float, scale: float) -> bool:

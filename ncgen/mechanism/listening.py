@@ -11,6 +11,7 @@ from math import inf
 from types import TracebackType
 
 from ncgen.errors import ConvergenceError
+from ncgen.mechanism.library import STATUS
 from ncgen.toolchain.abi import InC, Interface, runtime_abi
 from ncgen.toolchain.once import once
 
@@ -100,6 +101,15 @@ def watch(number: str) -> InC:
         return ffi.from_handle(context).hear(float(t))
 
     return ffi.callback("ncgen_progress_function *", hear, error=0, onerror=keeper(ffi))
+
+
+def called(ffi: Interface, kind: str, function: Callable[..., int], keep: Callable[[BaseException], None]) -> InC:
+    """A function that C calls, as that kind of pointer: what it raises is kept, and C told that the state has no such numbers."""
+
+    def failed(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
+        keep(raised)
+
+    return ffi.callback(kind, function, error=STATUS.index("domain"), onerror=failed)
 
 
 def keeper(ffi: Interface) -> Callable[[type[BaseException], BaseException, TracebackType], None]:

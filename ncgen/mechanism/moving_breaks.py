@@ -17,7 +17,7 @@ from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.time_laws import TIME, TimeLaws, time_laws
 from ncgen.program.ir.derivatives import tangent
-from ncgen.program.ir.graph import ArrayElement, Graph, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.ir.ranges import values
 
 RATE_TOLERANCE = 1e-9
@@ -114,9 +114,7 @@ def moving_breaks(
 
 def _slopes(laws: TimeLaws) -> _Slopes:
     """Of the arguments of all switches."""
-    graph, copies = Graph(), list[int]()
-    for op in laws.ops:
-        copies.append(graph.copied(op, [copies[a] for a in op.args]))
+    graph, copies = laws.copied()
     loads = {op.input.position: copies[k] for k, op in enumerate(laws.ops) if op.code == "load" and op.input.array == "p"}
     one, derivatives = graph.const(1.0), list[dict[int, int]]()
     for switch in laws.switches:

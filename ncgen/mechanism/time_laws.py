@@ -69,6 +69,13 @@ class TimeLaws:
         """True if there may be breaks."""
         return bool(self.switches or self.narrow)
 
+    def copied(self) -> tuple[Graph, list[int]]:
+        """A graph of its own with these operations, and the node of each."""
+        graph, nodes = Graph(), list[int]()
+        for op in self.ops:
+            nodes.append(graph.copied(op, [nodes[a] for a in op.args]))
+        return graph, nodes
+
 
 def time_laws(kernels: Kernels, of_inputs: bool = False) -> TimeLaws:
     """The switches of time in forces and constraints, found once for a mechanism; of_inputs: with those that depend on inputs alone."""

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 import scipy
@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REFERENCE_RTOL = 1e-13
+ATOL_OVER_RTOL = 1e-2
+"""Absolute tolerance as a share of the relative one, for a mechanism of one metre."""
+
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 STEPS = tuple(50 * 2**k for k in range(14))
 LIMIT = 1.0
@@ -68,6 +71,18 @@ class PrecisionReference:
     doubt: float
 
 
+class ToleranceArguments(TypedDict):
+    """How an integrator that chooses its steps takes its accuracy: arguments of `simulate`."""
+
+    rtol: float
+    atol: float
+
+
+def tolerances(rtol: float, length: float = 1.0) -> ToleranceArguments:
+    """Both of a mechanism of this length (m)."""
+    return {"rtol": rtol, "atol": ATOL_OVER_RTOL * rtol * length}
+
+
 def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) -> PrecisionReference:
     """The end of a run, found by two methods and kept in the cache folder. Raises NcgenError where neither succeeds."""
     facts = (kernels.fingerprint, duration, sorted(start.items()), REFERENCE_RTOL, __version__, np.__version__, scipy.__version__)
@@ -77,7 +92,7 @@ def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) 
     ends = []
     for method in (("lagrange", "dop853"), ("coordinate-partitioning", "dop853"), ("lagrange", "dopri5")):
         try:
-            tight: dict[str, Any] = {"rtol": REFERENCE_RTOL, "atol": 1e-2 * REFERENCE_RTOL * kernels.length, "points": 2}
+            tight: dict[str, Any] = {**tolerances(REFERENCE_RTOL, kernels.length), "points": 2}
             ends.append(simulate_one(kernels, duration, formalism=method[0], integrator=method[1], **tight, **start).q[-1])
         except NcgenError:
             if len(ends) < 1 and method[1] == "dopri5":
@@ -184,7 +199,7 @@ def _ladder(
         }
         record |= {"setting": f"{level} steps" if fixed else f"rtol {level:.0e}", "error": None, "reference_error": known.doubt}
         record |= {"seconds": None, "low": None, "high": None, "noisy": False, "steps": None, "evaluations": None, "reason": None}
-        accuracy = {"max_step": duration / level} if fixed else {"rtol": level, "atol": 1e-2 * level * kernels.length}
+        accuracy = {"max_step": duration / level} if fixed else tolerances(level, kernels.length)
         options = {"formalism": formalism, "integrator": integrator, "engine": engine, "number": number, "points": 2, **accuracy, **start}
         try:
             run = _run(kernels, duration, options, limit)

@@ -16,13 +16,12 @@ import numpy as np
 from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.files import argument_was, path_of, write_text, writing
 from ncgen.solver.argument_checks import echo, offer
+from ncgen.solver.trajectories.trajectory_files import package_for_tables
 from ncgen.studies.indices import Indices, indices
 from ncgen.studies.study_folder import Folder
 from ncgen.studies.variants import Part
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     from matplotlib.figure import Figure
 
 OK = "ok"
@@ -147,7 +146,7 @@ class StudyResult:
         NcgenError
             If pandas is not installed.
         """
-        return _package("pandas").DataFrame(self.table()).set_index("variant")
+        return package_for_tables("pandas").DataFrame(self.table()).set_index("variant")
 
     def dataset(self) -> Any:
         """Return the columns as an xarray Dataset.
@@ -162,7 +161,7 @@ class StudyResult:
         NcgenError
             If xarray is not installed.
         """
-        xarray = _package("xarray")
+        xarray = package_for_tables("xarray")
         if self.about["design"] == "grid" and self.complete:
             shape, dims = tuple(self.about["shape"]), self.names
             coords = {name: np.unravel_index(np.arange(len(self)), shape)[k] for k, name in enumerate(dims)}
@@ -195,7 +194,7 @@ class StudyResult:
         NcgenError
             If the file cannot be written, or without pyarrow.
         """
-        arrow, parquet = _package("pyarrow"), _package("pyarrow.parquet")
+        arrow, parquet = package_for_tables("pyarrow"), package_for_tables("pyarrow.parquet")
         target = path_of(output)
         if not self._spans:
             raise NcgenError(f"{target}: the study has no variant yet")
@@ -303,11 +302,3 @@ def _flat(name: str, values: np.ndarray, times: np.ndarray) -> dict[str, np.ndar
     if values.ndim == 1:
         return {name: values}
     return {f"{name} at {t:g} s": values[:, k] for k, t in enumerate(times)}
-
-
-def _package(name: str) -> ModuleType:
-    """An optional package. Raises NcgenError that names the extra where it is not installed."""
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise NcgenError(f"{name.partition('.')[0]} is not installed; pip install 'ncgen[tables]'") from error

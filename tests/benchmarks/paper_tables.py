@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 
 from benchmarks.rivals.casadi_tangents import with_tangents
 from benchmarks.students import Derivative, hand_written
-from ncgen.comparisons.falls import ToleranceArguments, end_state
+from ncgen.comparisons.falls import end_state
 from ncgen.comparisons.rivals.base import differentiable, handwritten
 from ncgen.comparisons.rivals.differences import Slope, central, complex_step, jacobian
 from ncgen.comparisons.rivals.exact import relative_error
@@ -25,7 +25,7 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
-from ncgen.report.precision import own_run
+from ncgen.report.precision import own_run, tolerances
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, StepStart, motion
 from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.integrators.solvers import ODE_SOLVERS
@@ -38,7 +38,7 @@ EXPLICIT = ("adams", "dopri5", "bdf")
 """The paper's ode113, ode45 and ode15s."""
 
 IMPLICIT = ("bdf", "radau", "lsoda")
-TOLERANCES: ToleranceArguments = {"rtol": 1e-6, "atol": 1e-8}
+TOLERANCES = tolerances(1e-6)
 MOST = 20_000
 """Evaluations after which a run is given up."""
 

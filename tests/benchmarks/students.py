@@ -11,10 +11,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.rivals import octave
-from ncgen.comparisons.falls import tolerances
 from ncgen.comparisons.rivals import handwritten
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.report.precision import tolerances
 
 STUDENT_STEPS = 100
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import os
 import stat
+import sys
 
 import numpy as np
 import pytest
@@ -65,10 +66,7 @@ def test_the_table(run):
 
 
 def test_without_pandas(run, monkeypatch):
-    def missing(name):
-        raise ImportError(name)
-
-    monkeypatch.setattr("ncgen.solver.trajectories.trajectory.import_module", missing)
+    monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(NcgenError, match=r"pandas is not installed; pip install 'ncgen\[tables\]', or take run.table\(\)"):
         run.dataframe()
 

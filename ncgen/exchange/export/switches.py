@@ -65,7 +65,7 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
     laws = time_laws(kernels)
     if not laws.has_breaks:
         return None
-    graph, nodes = _copied(laws)
+    graph, nodes = laws.copied()
     straight: list[int] = []
     curved: list[int] = []
     for switch in laws.switches:
@@ -106,14 +106,6 @@ def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duratio
             if np.count_nonzero(np.diff(np.searchsorted(knots, x))) <= MOST_CHANGES:
                 narrow[node] = Pieces(tuple(knots), tuple((0.0, float(k)) for k in range(len(knots) + 1)))
     return narrow
-
-
-def _copied(laws: TimeLaws) -> tuple[Graph, list[int]]:
-    graph = Graph()
-    nodes: list[int] = []
-    for op in laws.ops:
-        nodes.append(graph.copied(op, [nodes[a] for a in op.args]))
-    return graph, nodes
 
 
 def _line(graph: Graph, argument: int, derivative: int, pieces: Pieces, duration: float) -> tuple[int, int, int, int]:

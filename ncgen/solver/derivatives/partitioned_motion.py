@@ -56,13 +56,12 @@ class PartitionedMotion:
         self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
         self._split = self.jumps.ends(times)
         self._ends, self._seen = self._split.t, self._split.on_grid
-        self.partition = determined(begun.partitions).position
+        partitions = determined(begun.partitions)
+        self.partition, self.names = partitions.position, partitions.columns(kernels)
         independent = self.partition.independent
         self.nz = len(independent)
         by_p = kernels.start_p(self.p) if start_follows else np.zeros((kernels.n, len(self.p)))
         self.z_by_p = by_p[independent]
-        names = self.partition.names(kernels)
-        self.names = (*kernels.parameters, *names, *(f"rate({name})" for name in names))
         self.y0 = np.concatenate([begun.rates, begun.q[independent]])
         self.q0 = begun.q
         self._q: list[np.ndarray] = []

@@ -127,8 +127,7 @@ class SteppedMotion:
         # A table's piece is that of the step's start.
         self._looks_back = len(self.jumps.rows) > 0 or not steps.engine.startswith("python")
         self._partitions, self._follows = determined(begun.partitions), start_follows
-        z, rates = (partition.names(kernels) for partition in (self._partitions.position, self._partitions.velocity))
-        self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
+        self.names = self._partitions.columns(kernels)
 
     @property
     def q(self) -> np.ndarray:

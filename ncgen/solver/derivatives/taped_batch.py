@@ -87,8 +87,7 @@ class TapedBatch:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the columns of derivatives: parameters, z, rate(z)."""
-        z = self.choice.partitions.position.names(self.kernels)
-        return *self.kernels.parameters, *z, *(f"rate({name})" for name in self.choice.names)
+        return self.choice.partitions.columns(self.kernels)
 
     @cached_property
     def _motions(self) -> Motions | None:

@@ -117,8 +117,7 @@ class TapedMotion:
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self.t, self.signals = kernels, begun.p, times, signals
         self._partitions, self._begun, self._follows = determined(begun.partitions), begun, start_follows
-        z, rates = (partition.names(kernels) for partition in (self._partitions.position, self._partitions.velocity))
-        self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
+        self.names = self._partitions.columns(kernels)
         allowed = tolerances.in_c(kernels.column_sizes, kernels.column_sizes) if tolerances else None
         rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
         dynamics = all_coordinates(kernels, form="emitted")

@@ -10,7 +10,7 @@ import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.active_in_c import sides_of
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.library import STATUS
+from ncgen.mechanism.listening import called
 from ncgen.mechanism.program_functions import CompiledFunctions, ProgramFunctions
 from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.mechanism.reactive import ReactiveForce
@@ -40,9 +40,6 @@ from ncgen.toolchain.abi import InC, Interface, runtime_abi
 
 if TYPE_CHECKING:
     from ncgen.solver.events.conditions import EventFunctions
-
-
-DOMAIN = STATUS.index("domain")
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,10 +250,7 @@ class _InPython(LoadConditions):
                 out[first + k] = number
             return 0
 
-        def failed(kind: type[BaseException], raised: BaseException, traceback: object) -> None:
-            self.raised = raised
-
-        self._callback = ffi.callback("ncgen_velocity_kernel", evaluate, error=DOMAIN, onerror=failed)
+        self._callback = called(ffi, "ncgen_velocity_kernel", evaluate, partial(setattr, self, "raised"))
         self.address = int(ffi.cast("uintptr_t", self._callback))
 
     def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:

@@ -53,6 +53,10 @@ class Partitions:
     position: Partition
     velocity: Partition
 
+    def columns(self, kernels: Kernels) -> tuple[str, ...]:
+        """Names of what motions are differentiated by: parameters, z, rate(z)."""
+        return *kernels.parameters, *self.position.names(kernels), *(f"rate({name})" for name in self.velocity.names(kernels))
+
 
 def determined(partitions: Partitions | None) -> Partitions:
     """The partitions of a motion on independent coordinates. Raises SingularError where there are none."""

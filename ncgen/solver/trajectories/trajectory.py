@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
-from ncgen.errors import ModelError, NcgenError, counted
+from ncgen.errors import ModelError, counted
 from ncgen.files import argument_was, path_of, write_bytes, write_text
 from ncgen.model.elements import Point, Vector, coordinate_of
 from ncgen.solver.argument_checks import echo, offer
@@ -152,11 +152,9 @@ class Trajectory(MotionQuantities):
         NcgenError
             If pandas is not installed.
         """
-        try:
-            pandas = import_module("pandas")
-        except ImportError as error:
-            raise NcgenError("pandas is not installed; pip install 'ncgen[tables]', or take run.table()") from error
-        return pandas.DataFrame(self.table()).set_index("t")
+        from ncgen.solver.trajectories.trajectory_files import package_for_tables
+
+        return package_for_tables("pandas", ", or take run.table()").DataFrame(self.table()).set_index("t")
 
     def reactions(self, pressure_angle: float = np.pi / 9) -> Reactions:
         """Compute the loads between bodies.

@@ -19,6 +19,8 @@ from ncgen.toolchain.cache import build_command
 from ncgen.toolchain.compilers import processor, version_line
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from ncgen.solver.trajectories.trajectory import Trajectory
 
 FORMAT = 1
@@ -95,11 +97,16 @@ def _cell(label: str) -> str:
 
 def write_parquet(run: Trajectory, path: Path) -> Path:
     """The histories as a Parquet file, with `about` and the model's text among its metadata under "ncgen" and "ncgen.model"."""
-    try:
-        arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    except ImportError as error:
-        raise NcgenError("pyarrow is not installed; pip install 'ncgen[tables]'") from error
+    arrow, parquet = package_for_tables("pyarrow"), package_for_tables("pyarrow.parquet")
     metadata = {"ncgen": json.dumps(about(run)), "ncgen.model": _model_text(run) or ""}
     buffer = io.BytesIO()
     parquet.write_table(arrow.table(histories(run)).replace_schema_metadata(metadata), buffer)
     return write_bytes(path, buffer.getvalue())
+
+
+def package_for_tables(name: str, instead: str = "") -> ModuleType:
+    """An optional package. Raises NcgenError that names the extra where it is not installed, and what else there is."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise NcgenError(f"{name.partition('.')[0]} is not installed; pip install 'ncgen[tables]'{instead}") from error

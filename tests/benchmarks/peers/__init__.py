@@ -13,7 +13,6 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ncgen.comparisons.hard import ATOL_OVER_RTOL
 from ncgen.comparisons.hard_linkages import four_bars_position
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
@@ -21,7 +20,7 @@ from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.report.document import aligned
-from ncgen.report.precision import FIXED, TimeIsUp, time_limit
+from ncgen.report.precision import FIXED, TimeIsUp, time_limit, tolerances
 from ncgen.solver.motions.entry_points import simulate
 
 Run = Callable[[], tuple[float, np.ndarray]]
@@ -107,8 +106,8 @@ def _own(count: int, limit: float) -> Iterator[tuple[str, str, Run]]:
         for integrator in (i for i in partners(formalism) if INTEGRATORS[i].in_c):
             tool = f"ncgen, {integrator} on {formalism.name}"
             steps = [(f"{INTERVALS * k} steps", {"max_step": DURATION / (INTERVALS * k)}) for k in STEPS]
-            tolerances = [(f"rtol {rtol:.1e}", {"rtol": rtol, "atol": ATOL_OVER_RTOL * rtol}) for rtol in TOLERANCES]
-            for setting, options in steps if integrator in FIXED else tolerances:
+            adaptive = [(f"rtol {rtol:.1e}", {**tolerances(rtol)}) for rtol in TOLERANCES]
+            for setting, options in steps if integrator in FIXED else adaptive:
                 yield tool, setting, _simulated(kernels, formalism.name, integrator, limit, options)
 
 
