@@ -74,10 +74,10 @@ class Chain:
         signs[: self._count] = masks[-1]
         return int(first)
 
-    def set_sides(self, signs: np.ndarray) -> None:
-        """Write where conditions go on into signs (C,) or more."""
-        sides = np.array(signs[: self._count], dtype=np.intc)
-        self._library.ncgen_set_sides(self._struct, pointer(self._ffi, sides, "int[]"))
+    def set_sides(self, above: np.ndarray, signs: np.ndarray) -> None:
+        """Write where conditions go on into signs (C,) or more; above (C,): whether a gap closes if it falls from here on."""
+        marks, sides = (np.array(each[: self._count], dtype=np.intc) for each in (above, signs))
+        self._library.ncgen_set_sides(self._struct, pointer(self._ffi, marks, "int[]"), pointer(self._ffi, sides, "int[]"))
         signs[: self._count] = sides
 
     def _called(self, function: Callable[[], None]) -> InC:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bouncing import ball
 
 import ncgen
+from ncgen.solver.engines import compiled
 
 
 def damped_chain(damping: float) -> ncgen.Kernels:
@@ -51,3 +53,24 @@ def test_what_was_changed_at_an_event_stays():
     # J ω' = T − c ω with J = 1 kg m², c = 1e4: ω follows T / c within 1e-4 s
     assert run["rate(phi)"][-1] == pytest.approx(0.5, abs=1e-7)
     assert run["phi"][-1] == pytest.approx(0.1 * 1.0 - 1e-4 + 0.9 * 0.5 + 0.5e-4, abs=1e-7)
+
+
+def test_what_ends_radau_is_said_as_without_events():
+    """The disc falls flat in 0.44 s, where its contact has no place."""
+    m = ncgen.load("disc")
+    m.event("late", 1.0 - m.time)
+    with pytest.raises(ncgen.ConvergenceError, match=r"disc: beyond t = 0\.44 s steps of .* become tiny and radau .* singular position"):
+        ncgen.simulate(ncgen.compile(m), 0.5)
+
+
+def test_a_run_that_c_does_not_carry_on_is_not_moved_without_its_events(monkeypatch):
+    """Python's engine has no events, and a ball would fall through the floor."""
+    begun, run_in_c = [], compiled.run_constrained
+
+    def interrupted(*arguments):
+        begun.append(arguments)
+        return "the run in C stopped at t = 0.6 s (pivot)" if len(begun) == 2 else run_in_c(*arguments)
+
+    monkeypatch.setattr(compiled, "run_constrained", interrupted)
+    with pytest.raises(ncgen.ConvergenceError, match=r"ball: the run in C stopped at t = 0.6 s \(pivot\), and events need C; take smaller"):
+        ncgen.simulate(ncgen.compile(ball()), 0.8)

@@ -26,6 +26,11 @@ int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
 int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
     ncgen_passage *passage);
 
+/* For integrators outside: add to the values of conditions (count) how much more of gaps they are to see, so that one that is closed where a
+ * motion begins changes its sign when it falls. */
+int ncgen_add_margins(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment,
+    ncgen_passage *passage, ncgen_real *out);
+
 /* ncgen_advance through events, whose conditions options->event watches with the passage's signs, to t_end, past the first instant of events
  * before it where `one` is set, or to the event that ends the motion. breaks: NULL, or where laws of time change their formula. */
 int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,

@@ -67,14 +67,16 @@ int ncgen_find_first(ncgen_chain *c, const ncgen_real *rates, const int *gaps, c
     return -1;
 }
 
-void ncgen_set_sides(const ncgen_chain *c, int *signs)
+void ncgen_set_sides(const ncgen_chain *c, const int *above, int *signs)
 {
     for (int k = 0; k < c->count; ++k) {
         const int way = c->directions[k], now = is_zero(c, k) ? 0 : sign_of(c->pairs[2 * k]);
-        if (c->happened[k])
-            signs[k] = way ? way : now ? now : -signs[k];
+        if (above[k])
+            signs[k] = 1;
         else if (now)
             signs[k] = now;
+        else if (c->happened[k])
+            signs[k] = way ? way : -signs[k];
     }
 }
 

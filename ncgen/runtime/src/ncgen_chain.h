@@ -36,8 +36,9 @@ int ncgen_find_turned(ncgen_chain *chain);
  * gap does not change; gaps: 1 for events with an impact. Writes the sides; returns -1, or the first gap that is below zero. */
 int ncgen_find_first(ncgen_chain *chain, const ncgen_real *rates, const int *gaps, const int *keeps, int *signs);
 
-/* The sides of zero on which conditions go on. */
-void ncgen_set_sides(const ncgen_chain *chain, int *signs);
+/* The sides of zero on which conditions go on; above: 1 for gaps that are at rest or were let go, which close if they fall from here on,
+ * whatever rounding makes of their values. */
+void ncgen_set_sides(const ncgen_chain *chain, const int *above, int *signs);
 
 /* Is a condition zero, but for rounding of states? */
 int ncgen_is_zero(ncgen_scalar value, ncgen_scalar scale);

@@ -95,10 +95,11 @@ int ncgen_walk_part(ncgen_walk *w, const ncgen_basis *basis, const ncgen_real *v
                     ncgen_scalar to)
 {
     ncgen_real b[MOST];
+    const ncgen_scalar least = noise > w->noise ? noise : w->noise;
     int crossed = 0, place = 0, width = whole;
     to_coefficients(basis, values, stride, b);
     while (place < whole && !crossed) {
-        if (is_mixed(w, basis->degree, b, place, width, noise, from, to, &crossed)) {
+        if (is_mixed(w, basis->degree, b, place, width, least, from, to, &crossed)) {
             width /= 2;
             continue;
         }
@@ -110,12 +111,12 @@ int ncgen_walk_part(ncgen_walk *w, const ncgen_basis *basis, const ncgen_real *v
 
 int ncgen_walk_to(ncgen_walk *w, ncgen_scalar place, ncgen_real value)
 {
-    return turns(w, place, sign_of(value, 0));
+    return turns(w, place, sign_of(value, w->noise));
 }
 
 int ncgen_walk_end(ncgen_walk *w, ncgen_real last)
 {
-    const int sign = sign_of(last, 0), before = w->sign; /* to end at zero is to get there, but not to be there throughout */
+    const int sign = sign_of(last, w->noise), before = w->sign; /* to end at zero is to get there, but not to be there throughout */
     if ((sign || w->seen) && turns(w, 1, sign ? sign : -w->sign))
         return 1;
     w->sign = sign ? w->sign : before;
@@ -146,7 +147,7 @@ int ncgen_has_one_sign(const ncgen_basis *basis, const ncgen_real *values, int s
 int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, int direction, int *sign,
                          ncgen_scalar *low, ncgen_scalar *high)
 {
-    ncgen_walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0, 0};
+    ncgen_walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0, 0, 0};
     const ncgen_real last = values[(size_t)basis->degree * (size_t)stride];
     int crossed = ncgen_walk_part(&w, basis, values, stride, noise, 0, 1);
     if (!crossed && (!*sign || w.seen || sign_of(last, noise))) /* else it stays where it has no sign, and keeps the one that it had */

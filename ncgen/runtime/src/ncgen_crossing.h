@@ -15,10 +15,11 @@ typedef struct ncgen_basis {
 } ncgen_basis;
 
 /* What is known of a function as parts of the interval are walked through from left to right: the sign to begin with or seen last, whether
- * any was seen, where, and the place of the last look. direction: 1 from negative to positive, -1 the other way, 0 either. */
+ * any was seen, where, and the place of the last look. direction: 1 from negative to positive, -1 the other way, 0 either; noise: what is
+ * not larger has no sign anywhere. */
 typedef struct ncgen_walk {
     int direction, sign, seen;
-    ncgen_scalar at, next;
+    ncgen_scalar at, next, noise;
 } ncgen_walk;
 
 /* Walks through the part from `from` to `to`, where the function is within `noise` of the polynomial of degree basis->degree through its
@@ -28,7 +29,7 @@ int ncgen_walk_part(ncgen_walk *w, const ncgen_basis *basis, const ncgen_real *v
                     ncgen_scalar to);
 /* The same for one value. */
 int ncgen_walk_to(ncgen_walk *w, ncgen_scalar place, ncgen_real value);
-/* The same at the end of the interval, by the last value whatever its noise. */
+/* The same at the end of the interval, by the last value whatever the noise of the polynomial. */
 int ncgen_walk_end(ncgen_walk *w, ncgen_real last);
 /* The polynomial at a place in the interval. */
 ncgen_real ncgen_polynomial_at(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar place);

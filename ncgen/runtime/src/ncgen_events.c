@@ -79,7 +79,7 @@ static int act(ncgen_instant *i, int event)
 
 static int is_still(const ncgen_instant *i, int k)
 {
-    return ncgen_is_still_along(i, k, 1, ncgen_speed(i, i->moment->qd));
+    return ncgen_is_still_along(i, k, 1);
 }
 
 static int find_loads(void *context, int projected)
@@ -111,9 +111,6 @@ static int choose_mode(ncgen_instant *i, const int *happened, int *resting)
     ncgen_begin_modes(n, i->moment, passage);
     const int status = ncgen_find_active(&active);
     for (int k = 0; k < count && status == NCGEN_OK; ++k) {
-        if (released[k] || wanted[k])
-            passage->signs[k] = 1;
-        released[k] = 0;
         if (wanted[k] != before[k])
             ncgen_note(passage->log, n, i->moment, k, wanted[k] ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
     }
@@ -145,7 +142,6 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
     if (status != NCGEN_OK)
         return status;
-    ncgen_set_sides(chain, i->passage->signs);
     for (int k = 0; k < i->count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         const int bounced = resting[k];
@@ -165,6 +161,8 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
         status = i->events->n_holds ? choose_held(i, chain->happened, resting) : choose_mode(i, chain->happened, resting);
         rested = 0;
     }
+    if (status == NCGEN_OK)
+        status = ncgen_find_sides(i, chain);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
         if (!(i->velocities[k] < 0))
             ncgen_note_limit(i->passage->log, i->n, k, i->velocities[k]);
@@ -272,6 +270,18 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
     return some || events->n_modes || events->n_holds ? happen(&i) : NCGEN_OK;
 }
 
+int ncgen_add_margins(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment,
+    ncgen_passage *passage, ncgen_real *out)
+{
+    ncgen_moment here = *moment;
+    ncgen_instant i;
+    ncgen_open_instant(&i, d, events, (ncgen_real *)p, &here, passage);
+    const int status = ncgen_look(&i);
+    for (int k = 0; k < ncgen_n_events(&i); ++k)
+        out[k] += ncgen_margin(&i, k);
+    return status;
+}
+
 /* Look at the conditions, and mark events as ncgen_mark_events does. */
 static int mark(ncgen_instant *i, int nearly)
 {
@@ -286,7 +296,8 @@ static int mark(ncgen_instant *i, int nearly)
         status = ncgen_skip_blocked(i, &in);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
         const int way = watches ? passage->directions[k] : ncgen_way(events, i->p, k), clear = !ncgen_is_closed(i, k), before = passage->signs[k];
-        const int side = ncgen_side(i, k), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
+        const ncgen_real value = i->values[2 * k] + (nearly ? ncgen_margin(i, k) : 0);
+        const int side = (value > 0) - (value < 0), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
         const int now = nearly || clear ? exactly : before;
         passage->due[k] = 0;
         if (k >= last || way == NCGEN_UNWATCHED || ncgen_holds(events, passage, k))

@@ -7,12 +7,11 @@
 /* Does a gap not change, or a joint, contact or ratchet not move, but for rounding? */
 static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
 {
-    const ncgen_real now = ncgen_speed(i, i->moment->qd), before = ncgen_speed(i, i->arrived), speed = now > before ? now : before;
     if (hold->kind == NCGEN_HOLDS_CONTACT) {
         const ncgen_slide slide = ncgen_slide_at(i, ncgen_rubbing_of(i->events, (int)(hold - i->events->holds)));
-        return ncgen_slide_is_still(&slide, speed);
+        return ncgen_slide_is_still(&slide, ncgen_greatest_speed(i));
     }
-    return ncgen_is_still_along(i, hold->condition, ncgen_is_gap(hold), speed);
+    return ncgen_is_still_along(i, hold->condition, ncgen_is_gap(hold));
 }
 
 int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
@@ -292,8 +291,26 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
     if (status != NCGEN_OK)
         return status;
     count(i, &c.active, i->passage->room + i->n);
-    for (int h = 0; h < n; ++h)
-        if (ncgen_is_gap(e->holds + h) && (released[h] || wanted[h]))
-            i->passage->signs[e->holds[h].condition] = 1;
     return NCGEN_OK;
+}
+
+/* Does a gap close if it falls from here on: was it let go, or is it closed and does not change? */
+static int is_above(const ncgen_instant *i, int k)
+{
+    const ncgen_events *e = i->events;
+    int released = e->n_modes && i->passage->wanted[i->count + k];
+    for (int h = 0; h < e->n_holds; ++h)
+        released |= ncgen_is_gap(e->holds + h) && e->holds[h].condition == k && ncgen_flags(e, i->passage, NCGEN_RELEASED)[h];
+    return ncgen_impact_of(e, k) && (released || (ncgen_is_closed(i, k) && ncgen_is_still_along(i, k, 1)));
+}
+
+int ncgen_find_sides(ncgen_instant *i, const ncgen_chain *chain)
+{
+    const int status = ncgen_look(i);
+    for (int k = 0; k < ncgen_n_events(i); ++k)
+        i->taking[k] = is_above(i, k);
+    ncgen_set_sides(chain, i->taking, i->passage->signs);
+    for (int k = 0; k < i->count && i->events->n_modes; ++k)
+        i->passage->wanted[i->count + k] = 0;
+    return status;
 }

@@ -29,4 +29,7 @@ void ncgen_begin_slip(ncgen_instant *i);
  * has; resting (count): which gaps are at rest; was_hit: whether velocities have changed at this instant. */
 int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting, int was_hit);
 
+/* The sides on which the conditions of events go on behind an instant; what it released is forgotten. */
+int ncgen_find_sides(ncgen_instant *i, const ncgen_chain *chain);
+
 #endif

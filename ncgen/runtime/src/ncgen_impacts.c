@@ -16,6 +16,11 @@ const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event)
     return NULL;
 }
 
+ncgen_real ncgen_margin(const ncgen_instant *i, int k)
+{
+    return ncgen_impact_of(i->events, k) ? R(1.0e-12) * i->scales[k] : 0;
+}
+
 static ncgen_real *response(const ncgen_instant *i, int k)
 {
     return i->responses + (size_t)k * (size_t)i->n;
@@ -150,9 +155,9 @@ static void note_stuck(ncgen_instant *i, const ncgen_impact *impact)
 /* Does a gap or a ratchet move to this side, by more than rounding? */
 static int moves(const ncgen_instant *i, int condition, int is_gap, int side)
 {
-    const ncgen_real now = ncgen_speed(i, i->moment->qd), before = ncgen_speed(i, i->arrived), *w = ncgen_gradient(i, condition);
+    const ncgen_real *w = ncgen_gradient(i, condition);
     const ncgen_real velocity = is_gap ? w[2 * i->n] + ncgen_dot(i->n, w, i->moment->qd) : i->values[2 * condition];
-    return velocity * side > 0 && !ncgen_is_still_along(i, condition, is_gap, now > before ? now : before);
+    return velocity * side > 0 && !ncgen_is_still_along(i, condition, is_gap);
 }
 
 /* The gaps that take part: those that are closed, and those that are due; due: NULL, or which are. *wanted: are some due, or do some close? */

@@ -16,6 +16,9 @@ const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event); /* N
  * closes. Numbers that actions set are those of the state before. */
 int ncgen_hit(ncgen_instant *i, const int *due, int *hit);
 
+/* What integrators outside see of a gap is above it by this much: they find no change of the sign of what begins at zero. */
+ncgen_real ncgen_margin(const ncgen_instant *i, int k);
+
 /* Have velocities changed at this instant? */
 int ncgen_was_hit(const ncgen_instant *i);
 

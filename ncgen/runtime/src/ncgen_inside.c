@@ -23,66 +23,13 @@ static const ncgen_scalar between[] = {R(0.0309), R(0.4472), R(0.8463)};
  * be elsewhere. */
 static const ncgen_scalar resolved = R(1.0e-6), unseen = R(8.0);
 
-enum { OFF = 2, PLACES = sizeof between / sizeof *between, FINEST = 1 << 12 /* parts of a step */ };
+enum { PLACES = sizeof between / sizeof *between, FINEST = 1 << 12 /* parts of a step */ };
 
-/* The part of the step from t to t + h between two shares of it. */
-typedef struct part {
-    ncgen_scalar t, h, from, to;
-} part;
-
-static ncgen_scalar share_of(const part *p, ncgen_scalar s)
+/* Values of the conditions at the share s of the part, of the state on the interpolant over all coordinates, which stays in w->at. */
+static int evaluate_at(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, ncgen_scalar s, ncgen_real *values)
 {
-    return p->from + (p->to - p->from) * s;
-}
-
-int ncgen_check_state(const ncgen_run *r, ncgen_real work)
-{
-    return ncgen_is_finite(r->n, r->q) && ncgen_is_finite(r->n, r->qd) && ncgen_is_finite(1, &work) ? NCGEN_OK : NCGEN_DOMAIN;
-}
-
-int ncgen_state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
-{
-    int status = w->interpolate(r, w, t, h, s);
-    if (status == NCGEN_OK)
-        status = r->state(r, t + s * h, w->at);
-    return status == NCGEN_OK ? ncgen_check_state(r, w->at[r->error_size - 1]) : status;
-}
-
-/* At one state: of every condition its value, and the size of the terms that it is a sum of. */
-static ncgen_real *sample(const ncgen_event *event, int row)
-{
-    return event->samples + (size_t)row * 2 * (size_t)event->count;
-}
-
-/* Fill them in. */
-static int evaluate(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *values)
-{
-    const ncgen_event *event = r->options->event;
-    int status = event->function ? ncgen_read_inputs(r, t) : NCGEN_OK;
-    if (event->function && status == NCGEN_OK)
-        status = event->function(t, q, qd, r->p, values);
-    for (int k = 0; k < event->count; ++k) {
-        const int place = event->coordinates[k];
-        if (place < 0)
-            continue;
-        values[2 * k] = (place < r->n ? q[place] : qd[place - r->n]) - event->values[k];
-        values[2 * k + 1] = NCGEN_ABS(event->values[k]);
-    }
-    return status;
-}
-
-/* The same at the share s of the part, of the state on the constraints. */
-static int evaluate_inside(ncgen_run *r, ncgen_stepping *w, const part *p, ncgen_scalar s, ncgen_real *values)
-{
-    const int status = ncgen_state_inside(r, w, p->t, p->h, share_of(p, s));
-    return status == NCGEN_OK ? evaluate(r, p->t + share_of(p, s) * p->h, r->q, r->qd, values) : status;
-}
-
-/* And of the state on the interpolant over all coordinates, which stays in w->at. */
-static int evaluate_at(ncgen_run *r, ncgen_stepping *w, const part *p, ncgen_scalar s, ncgen_real *values)
-{
-    const int status = w->interpolate(r, w, p->t, p->h, share_of(p, s));
-    return status == NCGEN_OK ? evaluate(r, p->t + share_of(p, s) * p->h, w->at + r->n, w->at, values) : status;
+    const int status = w->interpolate(r, w, p->t, p->h, ncgen_share_of(p, s));
+    return status == NCGEN_OK ? ncgen_evaluate_conditions(r, p->t + ncgen_share_of(p, s) * p->h, w->at + r->n, w->at, values) : status;
 }
 
 /* Of the inputs of formulas: at a node, of the state y of velocities and positions, and then as polynomials. */
@@ -108,7 +55,7 @@ static void make_polynomials(const ncgen_run *r)
 
 /* At all nodes but the first, where they are known; y itself is a polynomial in time, and over all coordinates it is the velocities and
  * the positions. */
-static int evaluate_nodes(ncgen_run *r, ncgen_stepping *w, const part *p)
+static int evaluate_nodes(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p)
 {
     const ncgen_event *event = r->options->event;
     const int last = event->degree, at_end = !(p->to < 1);
@@ -120,10 +67,10 @@ static int evaluate_nodes(ncgen_run *r, ncgen_stepping *w, const part *p)
         keep_inputs(r, 0, r->y + r->n, r->y);
     if (at_end && status == NCGEN_OK) {
         keep_inputs(r, last, r->q, r->qd);
-        status = evaluate(r, p->t + p->h, r->q, r->qd, sample(event, last));
+        status = ncgen_evaluate_conditions(r, p->t + p->h, r->q, r->qd, ncgen_sample(event, last));
     }
     for (int k = 1; k < last + !at_end && status == NCGEN_OK; ++k) {
-        status = (r->constrained ? evaluate_at : evaluate_inside)(r, w, p, event->nodes[k], sample(event, k));
+        status = (r->constrained ? evaluate_at : ncgen_evaluate_inside)(r, w, p, event->nodes[k], ncgen_sample(event, k));
         keep_inputs(r, k, w->at + r->n, w->at);
     }
     return status;
@@ -134,7 +81,7 @@ static ncgen_scalar size_of(const ncgen_event *event, int k)
 {
     ncgen_scalar size = 0;
     for (int node = 0; node <= event->degree; ++node) {
-        const ncgen_scalar value = NCGEN_ABS(sample(event, node)[2 * k]), terms = sample(event, node)[2 * k + 1];
+        const ncgen_scalar value = NCGEN_ABS(ncgen_sample(event, node)[2 * k]), terms = ncgen_sample(event, node)[2 * k + 1];
         size = value > size ? value : size;
         size = terms > size ? terms : size;
     }
@@ -146,29 +93,22 @@ static ncgen_scalar noise_of(const ncgen_run *r, ncgen_scalar size)
     return (r->options->event->degree > 8 ? noise_of_14 : noise_of_8) * r->rounding * size;
 }
 
-/* Is condition k asked for, and known at samples only? */
-static int is_sampled(const ncgen_event *event, int k)
-{
-    const int is_load = k >= event->count - event->n_loads;
-    return event->coordinates[k] < 0 && event->directions[k] != OFF && (is_load || (event->sampled && event->sampled[k]));
-}
-
 /* Do the polynomials of sampled conditions tell their signs? Where they are wrong between the nodes, only those far from zero do. */
-static int compare(ncgen_run *r, ncgen_stepping *w, const part *p, int *are_right)
+static int compare(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, int *are_right)
 {
     const ncgen_event *event = r->options->event;
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
-    ncgen_real *values = sample(event, event->degree + 1), *errors = sample(event, event->degree + 2);
+    ncgen_real *values = ncgen_sample(event, event->degree + 1), *errors = ncgen_sample(event, event->degree + 2);
     int status = NCGEN_OK, some = 0;
     *are_right = 1;
     for (int k = 0; k < event->count; ++k) {
         errors[k] = 0;
-        some |= is_sampled(event, k);
+        some |= ncgen_is_sampled(event, k);
     }
     for (int i = 0; i < PLACES && some && status == NCGEN_OK; ++i) {
         status = evaluate_at(r, w, p, between[i], values);
         for (int k = 0; k < event->count && status == NCGEN_OK; ++k) {
-            if (!is_sampled(event, k))
+            if (!ncgen_is_sampled(event, k))
                 continue;
             const ncgen_scalar error = NCGEN_ABS(values[2 * k] - ncgen_polynomial_at(&basis, event->samples + 2 * k, 2 * event->count, between[i]));
             errors[k] = error > errors[k] ? error : errors[k];
@@ -183,11 +123,11 @@ static int compare(ncgen_run *r, ncgen_stepping *w, const part *p, int *are_righ
 }
 
 /* Does condition k change its sign between two of the nodes from one share of the part to another? */
-static int find_by_samples(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar low, ncgen_scalar high, ncgen_walk *walk,
+static int find_by_samples(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, int k, ncgen_scalar low, ncgen_scalar high, ncgen_walk *walk,
                            int *crossed)
 {
     const ncgen_event *event = r->options->event;
-    ncgen_real *values = sample(event, event->degree + 1);
+    ncgen_real *values = ncgen_sample(event, event->degree + 1);
     int status = NCGEN_OK;
     for (int node = 0; node <= event->degree && status == NCGEN_OK && !*crossed; ++node) {
         const ncgen_scalar s = low + (high - low) * event->nodes[node];
@@ -198,7 +138,7 @@ static int find_by_samples(ncgen_run *r, ncgen_stepping *w, const part *p, int k
 }
 
 /* Does condition k, which has a formula, happen within the part? Shares of it without bounds are sampled. */
-static int find_by_formula(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar size, ncgen_walk *walk, int *crossed)
+static int find_by_formula(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, int k, ncgen_scalar size, ncgen_walk *walk, int *crossed)
 {
     const ncgen_event *event = r->options->event;
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
@@ -215,7 +155,7 @@ static int find_by_formula(ncgen_run *r, ncgen_stepping *w, const part *p, int k
         status = find_by_samples(r, w, p, k, reached, unbounded, walk, crossed);
         reached = unbounded;
     }
-    *crossed = status == NCGEN_OK && (*crossed || ncgen_walk_end(walk, sample(event, event->degree)[2 * k]));
+    *crossed = status == NCGEN_OK && (*crossed || ncgen_walk_end(walk, ncgen_sample(event, event->degree)[2 * k]));
     return status;
 }
 
@@ -224,114 +164,42 @@ static int find_at_nodes(const ncgen_event *event, int k, ncgen_walk *walk, int 
 {
     *crossed = 0;
     for (int node = 0; node <= event->degree && !*crossed; ++node)
-        *crossed = ncgen_walk_to(walk, event->nodes[node], sample(event, node)[2 * k]);
-    *crossed = *crossed || ncgen_walk_end(walk, sample(event, event->degree)[2 * k]);
+        *crossed = ncgen_walk_to(walk, event->nodes[node], ncgen_sample(event, node)[2 * k]);
+    *crossed = *crossed || ncgen_walk_end(walk, ncgen_sample(event, event->degree)[2 * k]);
     return NCGEN_OK;
 }
 
-/* Does the part begin where the run resumes, at an instant whose events have just been carried out? */
-static int resumes(const ncgen_run *r, const part *p)
+/* What has no sign where a run resumes on a side that the value there contradicts, as if the condition had happened: it is rounding, and so is
+ * twice as much. */
+static ncgen_scalar rounding_left(const ncgen_run *r, const ncgen_part *p, int k)
 {
-    return r->options->event->resumes && !(p->from > 0) && !(p->t > r->times[0]);
+    const ncgen_event *event = r->options->event;
+    const ncgen_real first = ncgen_sample(event, 0)[2 * k];
+    return ncgen_resumes(r, p) && first * event->signs[k] < 0 && !(first * event->directions[k] < 0) ? 2 * NCGEN_ABS(first) : 0;
 }
 
-/* Does condition k happen within the part? Then between the shares *low and *high of it. */
-static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *crossed, ncgen_scalar *low, ncgen_scalar *high)
+/* Does condition k happen within the part? Then between two shares of it. */
+static int find(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, int k, int *crossed, ncgen_place *place)
 {
     const ncgen_event *event = r->options->event;
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
     const ncgen_formulas *formulas = event->formulas;
-    const ncgen_scalar size = size_of(event, k);
-    const ncgen_real first = sample(event, 0)[2 * k];
+    const ncgen_scalar size = size_of(event, k), noise = noise_of(r, size), left = rounding_left(r, p, k);
+    const ncgen_real first = ncgen_sample(event, 0)[2 * k];
+    place->noise = left > noise ? left : noise;
     const int has_formula = formulas && formulas->first[k] < formulas->first[k + 1];
-    const int jumps = is_sampled(event, k) && !((p->to - p->from) * FINEST > 1); /* no polynomial is right there */
+    const int jumps = ncgen_is_sampled(event, k) && !((p->to - p->from) * FINEST > 1); /* no polynomial is right there */
     if (r->constrained && (has_formula || jumps)) {
-        ncgen_walk walk = {event->directions[k], event->signs[k] ? event->signs[k] : (first > 0) - (first < 0), 0, 0, 0};
+        ncgen_walk walk = {event->directions[k], event->signs[k] ? event->signs[k] : (first > 0) - (first < 0), 0, 0, 0, left};
         const int status = jumps ? find_at_nodes(event, k, &walk, crossed) : find_by_formula(r, w, p, k, size, &walk, crossed);
         event->signs[k] = walk.sign;
-        *low = walk.at;
-        *high = walk.next;
+        place->low = walk.at;
+        place->high = walk.next;
         return status;
     }
-    *crossed = ncgen_first_crossing(&basis, event->samples + 2 * k, 2 * event->count, noise_of(r, size), event->directions[k], &event->signs[k],
-                                  low, high);
+    *crossed = ncgen_first_crossing(&basis, event->samples + 2 * k, 2 * event->count, place->noise, event->directions[k], &event->signs[k],
+                                  &place->low, &place->high);
     return NCGEN_OK;
-}
-
-/* The share *s of the part, first the end of what it may be, at which condition k happens: Illinois' rule on the interpolant. */
-static int locate(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_real at_low, ncgen_real at_high, ncgen_scalar low,
-                  ncgen_scalar *s)
-{
-    const ncgen_event *event = r->options->event;
-    ncgen_real *values = sample(event, event->degree + 1);
-    ncgen_scalar high = *s;
-    int side = 0;
-    for (int step = 0; step < 60 && high - low > 64 * r->rounding; ++step) {
-        *s = low + (high - low) * (at_low / (at_low - at_high));
-        const int status = evaluate_inside(r, w, p, *s, values);
-        if (status != NCGEN_OK || !(NCGEN_ABS(values[2 * k]) > 0))
-            return status;
-        const int beyond = (values[2 * k] > 0) == (at_high > 0);
-        if (beyond) {
-            high = *s;
-            at_high = values[2 * k];
-            at_low *= side > 0 ? R(0.5) : R(1.0);
-        } else {
-            low = *s;
-            at_low = values[2 * k];
-            at_high *= side < 0 ? R(0.5) : R(1.0);
-        }
-        side = beyond ? 1 : -1;
-    }
-    *s = high;
-    return NCGEN_OK;
-}
-
-/* Has condition k come to zero or beyond already at the share *low, as where a step begins at the very instant of an event? Where it only
- * leaves from there, as a gap that opens, *low and *at_low become those of a place where it is on its side. A load may be at its limit,
- * and where a run resumes its events have just been carried out: rounding must not bring them about again and again. */
-static int is_there(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar high, ncgen_scalar *low, ncgen_real *at_low, int *there)
-{
-    const ncgen_event *event = r->options->event;
-    const int way = event->directions[k];
-    const int is_start = resumes(r, p) && !(*low > 0);
-    *there = way == 0 && !(NCGEN_ABS(*at_low) > 0) && !is_start;
-    if (way == 0 || *at_low * way < 0 || is_start || is_sampled(event, k))
-        return NCGEN_OK;
-    ncgen_real *values = sample(event, event->degree + 1);
-    const ncgen_scalar next = *low + (high - *low) * R(0.0009765625);
-    const int status = evaluate_inside(r, w, p, next, values);
-    *there = !(values[2 * k] * way < 0);
-    if (!*there) {
-        *low = next;
-        *at_low = values[2 * k];
-    }
-    return status;
-}
-
-/* The same between two shares; the state on the constraints may turn a little off the interpolant, and then it is the second one, or the
- * first one where the condition is there. */
-static int locate_between(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar low, ncgen_scalar *s)
-{
-    const ncgen_event *event = r->options->event;
-    ncgen_real *values = sample(event, event->degree + 1);
-    ncgen_real at_low = sample(event, 0)[2 * k], at_high = sample(event, event->degree)[2 * k];
-    int status = NCGEN_OK, there = 0;
-    if (low > 0) {
-        status = evaluate_inside(r, w, p, low, values);
-        at_low = values[2 * k];
-    }
-    if (status == NCGEN_OK && *s < 1) {
-        status = evaluate_inside(r, w, p, *s, values);
-        at_high = values[2 * k];
-    }
-    if (status == NCGEN_OK)
-        status = is_there(r, w, p, k, *s, &low, &at_low, &there);
-    if (status == NCGEN_OK && there)
-        *s = low;
-    else if (status == NCGEN_OK && ((at_low < 0 && at_high > 0) || (at_low > 0 && at_high < 0)))
-        status = locate(r, w, p, k, at_low, at_high, low, s);
-    return status;
 }
 
 int ncgen_conditions_begin(ncgen_run *r, ncgen_scalar t)
@@ -339,39 +207,40 @@ int ncgen_conditions_begin(ncgen_run *r, ncgen_scalar t)
     const ncgen_event *event = r->options->event;
     for (int k = 0; k < event->count; ++k)
         event->crossed[k] = 0;
-    return evaluate(r, t, r->q, r->qd, sample(event, 0));
+    return ncgen_evaluate_conditions(r, t, r->q, r->qd, ncgen_sample(event, 0));
 }
 
 /* The share *s of the part at which the first condition happens, and those that do; where none does, it is followed by the next part. */
-static int find_first(ncgen_run *r, ncgen_stepping *w, const part *p, int *happens, ncgen_scalar *s)
+static int find_first(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, int *happens, ncgen_scalar *s)
 {
     const ncgen_event *event = r->options->event;
-    ncgen_real *shares = sample(event, event->degree + 2); /* of those that happen; 2 for others */
+    ncgen_real *shares = ncgen_sample(event, event->degree + 2); /* of those that happen; 2 for others */
     int status = NCGEN_OK;
     make_polynomials(r);
     *s = 2;
     for (int k = 0; k < event->count && status == NCGEN_OK; ++k) {
-        ncgen_scalar low = 0, high = 1;
+        ncgen_place place = {0, 1, 0};
+        ncgen_scalar share = 2;
         shares[k] = 2;
-        if (event->directions[k] == OFF)
+        if (event->directions[k] == NCGEN_OFF)
             continue;
         int crossed = 0;
-        status = find(r, w, p, k, &crossed, &low, &high);
-        if (status != NCGEN_OK || !crossed || low > *s)
+        status = find(r, w, p, k, &crossed, &place);
+        if (status != NCGEN_OK || !crossed || place.low > *s)
             continue;
-        status = locate_between(r, w, p, k, low, &high);
-        shares[k] = high;
-        *s = high < *s ? high : *s;
+        status = ncgen_locate(r, w, p, k, &place, &share);
+        shares[k] = share;
+        *s = share < *s ? share : *s;
     }
     *happens = status == NCGEN_OK && *s <= 1;
     if (!*happens) {
-        ncgen_copy(2 * event->count, sample(event, event->degree), sample(event, 0));
+        ncgen_copy(2 * event->count, ncgen_sample(event, event->degree), ncgen_sample(event, 0));
         return status;
     }
     const ncgen_scalar same = same_instant * r->rounding * (1 + NCGEN_ABS(p->t) / ((p->to - p->from) * p->h));
     for (int k = 0; k < event->count; ++k)
         event->crossed[k] = shares[k] <= 1 && shares[k] <= *s + same; /* in a step over a jump of a law all are at one time */
-    *s = share_of(p, *s);
+    *s = ncgen_share_of(p, *s);
     return status;
 }
 
@@ -380,7 +249,7 @@ int ncgen_conditions_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen
     int status = NCGEN_OK, place = 0, width = FINEST;
     *happens = 0;
     while (place < FINEST && status == NCGEN_OK && !*happens) {
-        const part p = {t, h, (ncgen_scalar)place / FINEST, (ncgen_scalar)(place + width) / FINEST};
+        const ncgen_part p = {t, h, (ncgen_scalar)place / FINEST, (ncgen_scalar)(place + width) / FINEST};
         int are_right = 1;
         status = evaluate_nodes(r, w, &p);
         if (status == NCGEN_OK && r->constrained && width > 1)

@@ -1,27 +1,8 @@
-/* ncgen_inside.h: states inside a step from y to new_y, and the conditions that are fulfilled there. */
+/* ncgen_inside.h: the first of several conditions that is fulfilled inside a step. */
 #ifndef NCGEN_INSIDE_H
 #define NCGEN_INSIDE_H
 
-#include "ncgen_state.h"
-
-/* What an integrator works in. */
-typedef struct ncgen_stepping {
-    ncgen_real *new_y, *at;        /* ny: the end of a step, and a state in between */
-    ncgen_real *stage_derivatives; /* stages of ny each */
-    ncgen_real *interpolant;       /* coefficients of ny each */
-    int interpolated;              /* are they those of this step? */
-    /* at: the state at t + s h, inside a step from y to new_y */
-    int (*interpolate)(ncgen_run *r, struct ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s);
-    int repeated;                /* is the step taken again, since its error was too large or a stage had no derivative, or near such a one? */
-    int stiff, not_stiff;        /* steps in a row that spoke for a stiff mechanism, and against it since then */
-    int tiny;                    /* looks in a row at steps far too short */
-    ncgen_scalar mark;           /* the time at the last look at how far the steps come */
-} ncgen_stepping;
-
-/* NCGEN_DOMAIN unless the state that was evaluated last, and its work, are numbers. */
-int ncgen_check_state(const ncgen_run *r, ncgen_real work);
-/* q and qd at t + s h. */
-int ncgen_state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s);
+#include "ncgen_location.h"
 
 /* Conditions of options->event at the first state, and after a step that was accepted: *happens and the share *s of the step at which the
  * first of them is fulfilled, whose state then is the one that was evaluated last. */

@@ -67,10 +67,16 @@ int ncgen_find_numbers(ncgen_instant *i)
     return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
 }
 
-int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts, ncgen_real speed)
+ncgen_real ncgen_greatest_speed(const ncgen_instant *i)
+{
+    const ncgen_real now = ncgen_speed(i, i->moment->qd), before = ncgen_speed(i, i->arrived);
+    return now > before ? now : before;
+}
+
+int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts)
 {
     const ncgen_scalar *sizes = i->d->dynamics->column_sizes;
-    const ncgen_real *w = ncgen_gradient(i, condition), drift = drifts ? w[2 * i->n] : 0;
+    const ncgen_real speed = ncgen_greatest_speed(i), *w = ncgen_gradient(i, condition), drift = drifts ? w[2 * i->n] : 0;
     ncgen_real terms = 0;
     for (int j = 0; j < i->n; ++j)
         terms += NCGEN_ABS(w[j]) * sizes[j] * speed;

@@ -64,8 +64,11 @@ static inline int ncgen_n_events(const ncgen_instant *i)
 /* The numbers that actions set, and places, at the moment. */
 int ncgen_find_numbers(ncgen_instant *i);
 
-/* Does a condition, or the velocity that it is, not change but for rounding, at most this velocity in natural sizes being the greatest? */
-int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts, ncgen_real speed);
+/* The greatest of velocities in natural sizes, now or before the instant. */
+ncgen_real ncgen_greatest_speed(const ncgen_instant *i);
+
+/* Does a condition, or the velocity that it is, not change but for rounding of the greatest velocity? */
+int ncgen_is_still_along(const ncgen_instant *i, int condition, int drifts);
 
 /* Arrays in the workspace of the passage, and the moment's velocities before anything happens. */
 void ncgen_open_instant(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment,

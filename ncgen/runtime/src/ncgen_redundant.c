@@ -11,6 +11,9 @@
 /* Combinations that are found besides, since at singular positions more of them vanish than elsewhere; iterations of each. */
 enum { BESIDES = 3, ITERATIONS = 2 };
 
+/* Nothing is left of a combination that is less than this many roundings once those before it are taken out. */
+static const ncgen_scalar nothing_left = R(1.0e4);
+
 /* Shares that have grown this much ask for another choice; by how much the first row is preferred to the last one. */
 static const ncgen_scalar much_larger = R(2.0), preference = R(1.0e-6);
 
@@ -84,9 +87,12 @@ static int find_combinations(ncgen_run *r, ncgen_constrained *w)
         for (int i = 0; i < r->m; ++i)
             y[i] = ncgen_next_random(&seed);
         normalise(r, w, count);
-        for (int k = 0; k < ITERATIONS; ++k) {
+        for (int k = 0; k < ITERATIONS && (k == 0 || size > 0); ++k) {
             iterate(r, w, y);
+            const ncgen_real whole = ncgen_norm(r->m, y);
             size = normalise(r, w, count);
+            if (!(size > nothing_left * r->rounding * whole))
+                size = 0; /* rounding of those before it, which would count as one more that vanishes */
         }
         if (size > 0) /* rows that move coordinates without mass alone may leave nothing */
             find_remainder(r, w, count++);

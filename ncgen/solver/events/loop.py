@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 
 def through_events(
-    engine: Engine, path: Path, kernels: Kernels, task: Task, passage: Passage, when_stiff: Callable[[], Task | None] | None = None
+    engine: Engine, path: Path, kernels: Kernels, task: Task, passage: Passage, when_stiff: Callable[[float], Task | None] | None = None
 ) -> str | None:
     """Complete an empty path as an engine does, with the events of the model.
 
-    when_stiff: gives the task by an implicit method with which the run continues where the mechanism is found stiff
+    when_stiff: gives the task by an implicit method with which the run continues from a time (s) on, where the mechanism is found stiff
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
     loop = EventLoop(engine, kernels, State(t=float(task.grid[0]), q=task.q, qd=task.velocities, p=task.p), passage)
@@ -55,14 +55,13 @@ class EventLoop:
 
     path: Path
     task: Task
-    when_stiff: Callable[[], Task | None] | None = None
+    when_stiff: Callable[[float], Task | None] | None = None
 
     def __init__(self, engine: Engine, kernels: Kernels, at: State, passage: Passage) -> None:
         self.engine, self.kernels, self.passage = engine, kernels, passage
         self.functions = EventFunctions(kernels)
         self.active_constraints = ActiveConstraints(self.functions)
         self.at, self.work, self.first_step = at, 0.0, 0.0
-        self._unhit: set[tuple[int, float]] = set()  # which gaps closed last, and when, without being hit
         self.signs = np.zeros(self.functions.count, dtype=int)
         self.held: tuple[int, ...] = ()
         self.mode = kernels
@@ -98,11 +97,13 @@ class EventLoop:
 
     def _is_now_implicit(self) -> bool:
         """Whether the run continues by an implicit method, from its last row or the last event, whichever is later."""
-        task, path = self.when_stiff() if self.when_stiff else None, self.path
+        path = self.path
+        t = max(float(self.task.grid[len(path.q) - 1]), self.at.t) if len(path.q) else self.at.t
+        task = self.when_stiff(t) if self.when_stiff else None
         if task is None:
             return False
         self.task, self.first_step = task, 0.0
-        if len(path.q) and (t := float(task.grid[len(path.q) - 1])) > self.at.t:
+        if t > self.at.t:
             self.at, self.work = replace(self.at, t=t, q=path.q[-1], qd=path.qd[-1]), float(path.work[-1])
         return True
 
@@ -223,8 +224,12 @@ class EventLoop:
         """Go on with other parameters p (n_p,), which may bring about events. Returns whether the run ends with them."""
         before = self.functions.values(self.at)[0]
         self.at = replace(self.at, p=p)
-        due: dict[int, Search] = dict.fromkeys(Instant(functions=self.functions, at=self.at).chain.turned(before), "action")
-        return self._act(due) if due or self.functions.can_hold else False
+        instant = Instant(functions=self.functions, at=self.at)
+        due: dict[int, Search] = dict.fromkeys(instant.chain.turned(before), "action")
+        if due or self.functions.can_hold:
+            return self._act(due)
+        self._set_signs(instant)
+        return False
 
     def accept(self, p: np.ndarray) -> bool:
         """Go on with other parameters p (n_p,) that cannot bring about events: no condition reads what has changed, nothing is held, and no
@@ -320,21 +325,19 @@ class EventLoop:
 
     def _set_signs(self, instant: Instant) -> None:
         """The side on which each condition continues: that of events follows from what happened."""
-        functions, chain = self.functions, instant.chain
+        functions, active, chain = self.functions, self.active_constraints, instant.chain
         self.signs = self.signs.copy()
         chain.look()
-        chain.set_sides(self.signs)
-        ways = self.active_constraints.directions(self.held, self.at.p)
+        chain.set_sides(np.array([self._is_above(k) for k in range(len(functions.events))], dtype=bool), self.signs)
+        ways = active.directions(self.held, self.at.p)
         for k in range(len(functions.events), functions.count):
             may_begin = k in functions.turns.values()  # in space it has to become faster first than where it comes to rest
             self.signs[k] = 0 if ways[k] == UNWATCHED or may_begin else -int(ways[k])
-        active = self.active_constraints
-        unhit = {(k, self.at.t) for k in instant.turning} if np.array_equal(instant.before.qd, self.at.qd) else set()
-        again, self._unhit = {k for k, _ in unhit & self._unhit}, unhit  # twice at one instant: by rounding alone
-        for k, event in enumerate(functions.events):
-            rests = event.impact and k not in again and active.is_closed(k, self.at) and active.is_still(k, self.at)
-            if k in active.left or rests:
-                self.signs[k] = 1  # it is closed if it falls from here on
+
+    def _is_above(self, k: int) -> bool:
+        """Whether the gap of an event closes if it falls from here on: it was let go, or it is closed and does not change."""
+        active, at = self.active_constraints, self.at
+        return k in active.left or bool(self.functions.events[k].impact and active.is_closed(k, at) and active.is_still(k, at))
 
     def _resting(self, happened: np.ndarray, is_hit: bool) -> dict[int, tuple[str, float]]:
         """{number: (name, limit time in s)} of gaps that have bounced and whose next bounce cannot be told from none.

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.break_times import outside_breaks
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.argument_checks import has_events
 from ncgen.solver.engines import acceleration_forms, compiled
@@ -28,6 +31,9 @@ from ncgen.solver.trajectories.energy import Instants
 from ncgen.solver.trajectories.grid_motion import Statistics, made
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.preparation import preparation_seconds
+
+if TYPE_CHECKING:
+    from ncgen.solver.engines.segments import Engine
 
 STEP_COUNT_TOLERANCE = 1 + 1e-12
 """A step that is longer than a grid's by this share: as many steps as there are instants, whatever rounding does."""
@@ -86,11 +92,15 @@ class RunUnderWay:
         if refused and settings.needs_c:
             number = "" if settings.number == "double" else f" with {settings.number}"
             raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {_remedy(settings)}")
+        if refused and self.has_events:
+            raise ModelError(f"{kernels.name} cannot be simulated in C, which events need: {refused}")
         if refused is None:
             refused = self._in_c(form)
             if refused == compiled.STIFFNESS_REASON:
                 refused = self._go_on_implicit(form)
             form = self._form_now(form)
+            if refused and self.has_events:
+                raise ConvergenceError(f"{kernels.name}: {refused}, and events need C; take smaller steps (max_step) or another integrator")
             if refused and settings.needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {_remedy(settings)} it continues in Python")
         if refused is not None:
@@ -129,14 +139,20 @@ class RunUnderWay:
         form: of the accelerations so far
         """
         path, before = self.path, self.choice.method
-        t = self.times[len(path.q) - 1]
-        try:
+        t = float(self.times[len(path.q) - 1])
+        with self._going_on(t, before):
             if not self._becomes_implicit(recurs=form != "dense"):
                 return compiled.STIFFNESS_REASON
             if self.choice.method.is_constrained:
                 return self._in_c(self._form_now(form))
             path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.motion.start.p, self.motion.run.initial.z)
             return self.motion.refusal(self.choice) or self._in_c("dense")
+
+    @contextmanager
+    def _going_on(self, t: float, before: Method) -> Iterator[None]:
+        """Say of errors of the implicit method that it took over from another one at time t (s)."""
+        try:
+            yield
         except (SingularError, ModelError, ConvergenceError) as error:
             raise ConvergenceError(
                 f"{self.kernels.name}: beyond t = {t:.6g} s steps of {before} become tiny and {IMPLICIT} does not go on; the "
@@ -154,9 +170,27 @@ class RunUnderWay:
             self.choice, self._plan = other, self.motion.plan(other)
         return other is not None
 
-    def _implicit_task(self) -> Task | None:
-        """What is asked of an engine where a run with events is found stiff, over all coordinates; None where its method was named."""
-        return self._task() if self._becomes_implicit(recurs=True) else None
+    def _through_events(self, engine: Engine, kernels: Kernels, task: Task, may_change: bool) -> str | None:
+        """Let an engine complete the path from event to event; may_change: whether the run may continue by the implicit method, over all
+        coordinates."""
+        from ncgen.solver.events.loop import through_events
+
+        first, changed = self.choice.method, list[float]()
+
+        def implicit_task(t: float) -> Task | None:
+            with self._going_on(t, first):
+                if not self._becomes_implicit(recurs=True):
+                    return None
+                changed.append(t)
+                return self._task()
+
+        def one_part(path: Path, kernels: Kernels, task: Task) -> str | None:
+            with self._going_on(changed[-1], first) if changed else nullcontext():
+                if (reason := engine(path, kernels, task)) and changed:
+                    raise ConvergenceError(reason)
+                return reason
+
+        return through_events(one_part, self.path, kernels, task, self.passage, implicit_task if may_change else None)
 
     def _in_c(self, form: Form) -> str | None:
         """Why C did not come to the end, or None."""
@@ -176,11 +210,9 @@ class RunUnderWay:
 
             return in_segments(engine, path, kernels, task, motion.jumps)
 
-        if not self.has_events:
-            return whole(self.path, kernels, task)
-        from ncgen.solver.events.loop import through_events
-
-        return through_events(whole, self.path, kernels, task, self.passage, None if form == "dense" else self._implicit_task)
+        if self.has_events:
+            return self._through_events(whole, kernels, task, may_change=form != "dense")
+        return whole(self.path, kernels, task)
 
     def _in_python(self) -> None:
         from ncgen.solver.engines import reference, segments
