@@ -94,7 +94,7 @@ def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, independent:
     made = all_coordinates(kernels, form="emitted")
     call = KernelCall(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made))
     run = runner(0.0, q, qd, made.with_prepared(kernels.p0), [], call)
-    return {STAGE: RatedPart(run, lambda: call.out[kernels.n + 1 :][independent], counts["derivative"])}
+    return {STAGE: RatedPart(run, lambda: call.out[independent], counts["derivative"])}
 
 
 def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, KernelCall], dict[str, Program]]:

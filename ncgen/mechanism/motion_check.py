@@ -70,7 +70,7 @@ class _Check:
         kernels, n = self.kernels, self.kernels.n
         jacobian, mass = kernels.jacobian(q), kernels.mass_matrix(q)
         v, others = self._velocities(q), [self._velocities(q) for _ in range(2)]
-        qdd = self._called("derivative", 2 * n + 2, q, v)[n + 1 : -1]
+        qdd = self._called("derivative", 2 * n + 2, q, v)[:n]
         force, allowed = kernels.force(q, v), others[0] - others[1]
         sizes = np.abs(mass) @ self._usual(qdd) + np.abs(force)
         works = np.abs(allowed @ (mass @ qdd - force)) <= AGREEMENT * (self._usual(allowed) @ sizes)
@@ -87,8 +87,9 @@ class _Check:
 
     def _velocities(self, q: np.ndarray) -> np.ndarray:
         """Velocities that constraints allow."""
-        qd = self._random.standard_normal(self.kernels.n) * self.kernels.column_sizes
-        return self._called("velocities", self.kernels.n + 1, q, qd)[: self.kernels.n]
+        n = self.kernels.n
+        qd = self._random.standard_normal(n) * self.kernels.column_sizes
+        return self._called("velocities", 2 * n + 2, q, qd)[n : 2 * n]
 
     def _called(self, name: str, size: int, *arrays: np.ndarray) -> np.ndarray:
         """The output of a function of the motion at the time 0."""

@@ -29,7 +29,7 @@ STEPS_PER_INTERVAL = 4
 """Steps with error control from one time of a grid to the next for which there is room at first."""
 
 SWEEP = (
-    "ncgen_directions.h", "ncgen_directions.c", "ncgen_space.c", "ncgen_space.h", "ncgen_step_rules.h", "ncgen_vectors.h",
+    "ncgen_directions.h", "ncgen_directions.c", "ncgen_space.c", "ncgen_space.h", "ncgen_stage_sums.h", "ncgen_vectors.h",
 )  # fmt: skip
 
 

@@ -207,7 +207,7 @@ def own(place: Posture) -> Iterator[Contender]:
         run = runner(0.0, q, qd.copy(), made.with_prepared(kernels.p0), [], stage)
         found = list(place.split.independent)
         ready = _ready(*place.arm)
-        yield Contender("ncgen: a stage of a default run", run, lambda: stage.out[n + 1 : -1][found], counts["derivative"], ready)
+        yield Contender("ncgen: a stage of a default run", run, lambda: stage.out[found], counts["derivative"], ready)
 
 
 def _side_by_side(place: Posture, operations: int) -> Contender:

@@ -222,8 +222,8 @@ def errors(name: str, count: int, away: float) -> Errors | None:
         runner(0.0, q, qd, given, [], call)(1)
         dense.q[:], dense.qd[:] = q, qd
         by_matrix.append(_error(kernels, dense.qdd if dense.evaluate() == "ok" else np.full(n, np.nan), expected))
-        if call.out[n] < HANDED_OVER:
-            by_recursion.append(_error(kernels, call.out[n : 2 * n], expected))
+        if call.out[2 * n + 1] < HANDED_OVER:
+            by_recursion.append(_error(kernels, call.out[:n], expected))
         else:
             handed_over += 1
     return Errors(np.array(by_recursion), np.array(by_matrix), left_out, handed_over)

@@ -76,7 +76,7 @@ def phased() -> Program:
     others = [graph.mul(first[1], x[2]), common[1], graph.const(0.0), corrected[1], graph.add(common[2], x[1])]
     stores = tuple(Store(array="out", index=k, node=node) for k, node in enumerate([*measured, *corrected, *first, *others]))
     block = finish(Straight(tuple(graph.ops), stores))
-    return Program(name="out", inputs=("q", "rates"), output="out", size=len(stores), blocks=(block,), phases=Phases(3, 4))
+    return Program(name="out", inputs=("q", "rates"), output="out", size=len(stores), blocks=(block,), phases=Phases(3, (0, 1, 2, 3)))
 
 
 @pytest.mark.parametrize("longest", [1, 3, 400])

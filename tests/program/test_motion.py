@@ -82,8 +82,8 @@ def test_projected_velocities_and_the_derivative_there(name):
     for sample in here.samples:
         off = 1e-3 * here.generator.standard_normal(k.n) * k.column_sizes
         both = here.values(programs.projected, sample, qd=here.consistent(sample) + off)
-        velocities = here.values(programs.velocities, sample, qd=both[: k.n])
-        qd, growth, qdd, power = both[: k.n], both[k.n], both[k.n + 1 : -1], both[-1]
+        qdd, qd, power, growth = both[: k.n], both[k.n : -2], both[-2], both[-1]
+        velocities = here.values(programs.velocities, sample, qd=qd)
         derivative = here.values(programs.derivative, sample, qd=qd)
         speed, size = np.max(np.abs(qd) / k.column_sizes), np.max(np.abs(qdd) / k.column_sizes)
         assert np.max(np.abs(velocities[: k.n] - qd) / k.column_sizes) < 1e-10 * speed
@@ -104,11 +104,11 @@ def test_velocities_are_the_beginning_of_the_projected_derivative_in_c(name):
     p = ffi.new("double[]", list(made.with_prepared(kernels.p0)) or 1)
     both, alone = (ffi.new("double[]", [-7.0] * (2 * n + 3)) for _ in range(2))
     assert motion.projected(0.0, q, qd, p, both) == motion.velocities(0.0, q, qd, p, alone) == 0
-    assert list(alone) == [*both[0 : n + 1], *[-7.0] * (n + 2)]
+    assert list(alone) == [*[-7.0] * n, *both[n : 2 * n], -7.0, both[2 * n + 1], -7.0]
     assert both[2 * n + 2] == -7.0
-    again, there = ffi.new("double[]", 2 * n + 2), ffi.new("double[]", list(both)[:n])
+    again, there = ffi.new("double[]", 2 * n + 2), ffi.new("double[]", list(both)[n : 2 * n])
     assert motion.derivative(0.0, q, there, p, again) == 0
-    sizes = np.concatenate([kernels.column_sizes, [1.0], kernels.column_sizes, [1.0]])
+    sizes = np.concatenate([kernels.column_sizes, kernels.column_sizes, [1.0, 1.0]])
     scaled = [np.array(list(x)[: 2 * n + 2]) / sizes for x in (both, again)]
     assert np.max(np.abs(scaled[0] - scaled[1])) < 1e-10 * np.max(np.abs(scaled[0]))
 

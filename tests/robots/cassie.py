@@ -246,7 +246,7 @@ def times(kernels, space, peer: Pinocchio) -> None:
     small.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "hinge")
     data = small.createData()
     spent = measure(runs | {"a call from Python": repeated(lambda: pin.aba(small, data, none, none, none))})
-    mine = {name: stage.out[kernels.n + 1 + kernels.index[name]] for name in peer.place}
+    mine = {name: stage.out[kernels.index[name]] for name in peer.place}
     for name, spread in spent.items():
         apart = max((abs(found[name][peer.place[hinge]] - value) for hinge, value in mine.items()), default=0) if name in found else 0
         share = f", {apart / max(map(abs, mine.values())):.0e} apart" if name in found else ""

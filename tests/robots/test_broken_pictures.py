@@ -91,3 +91,28 @@ def test_mjcf_whose_inertia_is_that_of_a_shape_is_refused(tmp_path):
     pytest.importorskip("mujoco")
     with pytest.raises(ModelError, match=r"r.xml: Error: Error opening file '.*none.obj'"):
         ncgen.load(mjcf(tmp_path, file="none.obj", inertial=""))
+
+
+def test_textures_are_not_read(tmp_path):
+    """Where nothing but a texture is made of a picture, MuJoCo does not decode it, which takes longer than all else; no body depends on it.
+
+    Of several textures in one picture each has a dot at least.
+    """
+    pytest.importorskip("mujoco")
+    folder = tmp_path / "m" / "pictures"
+    asset = '<texture name="t" type="2d" file="pictures/one.png"/><material name="s" texture="t"/>'
+    asset += '<texture name="c" type="cube" gridsize="3 4" gridlayout=".U..LFRB.D.." file="pictures/grid.png"/>'
+    path = mjcf(tmp_path, asset=asset)
+    folder.mkdir()
+    for name in ("one", "grid"):
+        (folder / f"{name}.png").write_bytes(b"no picture")
+    model = ncgen.load(path)
+    assert model.bodies["b"].inertia.mass == 3.0 and not [each for each in model.left_out if each.startswith("meshes")]
+
+
+def test_a_picture_that_is_a_height_field_is_read(tmp_path):
+    pytest.importorskip("mujoco")
+    path = mjcf(tmp_path, asset='<texture type="2d" file="h.png"/><hfield name="h" file="h.png" size="1 1 1 1"/>')
+    (tmp_path / "m" / "h.png").write_bytes(b"no picture")
+    with pytest.raises(ModelError, match=r"h\.png"):
+        ncgen.load(path)

@@ -46,7 +46,7 @@ int main(void)
     ncgen_implicit m = {0};
     if (scanf("%lf %d", &slopes[0], &rejected) != 2) return 9;
     r.ny = r.error_size = 1, r.y = y, r.derivative = derivative;
-    w.stage_derivatives = slopes, w.new_y = new_y, w.at = at;
+    w.stage_derivatives[0] = slopes, w.new_y = new_y, w.at = at;
     m.stages = stages, m.derivatives = rates, m.right = right, m.change = change;
     const int status = estimate(&r, &w, &m, 0.0, 0.5, rejected, &error);
     printf("%d %.17g %.17g\n", calls, asked, error);

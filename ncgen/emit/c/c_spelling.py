@@ -74,7 +74,6 @@ class C(Spelling):
             return None
         return {
             "ends": program.phases.ends,
-            "coordinates": program.phases.leading - 1,
             "operations": {
                 name: cost(each).total for name, each in (("velocities", program.beginning), ("derivative", program.uncorrected))
             },

@@ -6,7 +6,7 @@ armatures are rotors. Coordinates begin at the reference values of the file.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypedDict
@@ -18,7 +18,7 @@ from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.mjcf_actuators import actuators
-from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family, file_of
+from ncgen.exchange.robots.mjcf_compiled import Compiled, Family, compiled, family, file_of
 from ncgen.exchange.robots.mjcf_equalities import Apart, equalities
 from ncgen.exchange.robots.mjcf_fields import (
     AT_JOINT,
@@ -70,20 +70,20 @@ def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file. Raises ModelError with what MuJoCo says of it, NcgenError without MuJoCo."""
     whole, lost = family(root, path), ()
     try:
-        model = compiled(path, files=whole.files)
+        model = compiled(path, whole)
     except ModelError as error:
-        model, lost = _without_pictures(root, path, whole.files, error)
+        model, lost = _without_pictures(root, path, whole, error)
     _check_numbers(model, path.name)
     return _Reader(model, whole.roots, path, lost).robot()
 
 
-def _without_pictures(root: Markup, path: Path, files: Collection[str], error: ModelError) -> tuple[Compiled, tuple[Unseen, ...]]:
+def _without_pictures(root: Markup, path: Path, whole: Family, error: ModelError) -> tuple[Compiled, tuple[Unseen, ...]]:
     """The model without pictures that cannot be read, and these; raises the error where that does not help, or the dynamics need them."""
     readable = Readable(root, lambda name: file_of(name, root, path))
     if (text := readable.text()) is None:
         raise error
     try:
-        return compiled(path, text, files), tuple(Unseen(name[:80], is_file=True) for name in readable.missing)
+        return compiled(path, whole, text), tuple(Unseen(name[:80], is_file=True) for name in readable.missing)
     except ModelError:
         raise error from None
 

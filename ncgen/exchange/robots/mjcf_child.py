@@ -1,6 +1,7 @@
 """A program of its own: MuJoCo's C library compiles one MJCF file, within limits. It imports neither ncgen nor MuJoCo's Python package.
 
 python -I -S mjcf_child.py LIBRARY PLUGINS FILE FOLDER SECONDS writes FOLDER/model.mjb, and FOLDER/told.json with "error" or "warnings".
+FOLDER/textures.json names pictures that nobody looks at, [[path, columns, rows]]: MuJoCo takes plain ones of so many dots for them.
 """
 
 from __future__ import annotations
@@ -17,6 +18,11 @@ MEMORY = 4 << 30
 
 MAX_MODEL_BYTES = 1 << 30
 """Bytes of the compiled model."""
+
+TEXTURES = "textures.json"
+
+MAX_VFS_BYTES = 1 << 14
+"""Bytes of a virtual file system, which is a pointer in MuJoCo 3.2 and later."""
 
 MOST_TOLD = 20
 """Warnings that are passed on."""
@@ -42,11 +48,43 @@ def main(library: str, plugins: str, file: str, folder: str, seconds: int) -> No
     if plugins:
         mujoco.mj_loadAllPluginLibraries(os.fsencode(plugins), None)
     problem = ctypes.create_string_buffer(2000)
-    model = mujoco.mj_loadXML(os.fsencode(file), None, problem, len(problem))
+    textures = _textures(os.path.join(folder, TEXTURES))
+    model = textures and mujoco.mj_loadXML(os.fsencode(file), _plain_pictures(mujoco, textures), problem, len(problem))
+    if not model:  # without textures, or they do not suit
+        warnings.clear()
+        model = mujoco.mj_loadXML(os.fsencode(file), None, problem, len(problem))
     if not model:
         finish(_text(problem.value) or "MuJoCo does not say why", 1)
     mujoco.mj_saveModel(model, os.fsencode(os.path.join(folder, "model.mjb")), None, 0)
     finish("", 0)
+
+
+def _textures(path: str) -> list[tuple[str, int, int]]:
+    """Pictures, and how many dots wide and high they are; none where there is no such file."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            return json.load(file)
+    except FileNotFoundError:
+        return []
+
+
+def _plain_pictures(mujoco: ctypes.CDLL, textures: list[tuple[str, int, int]]) -> ctypes.Array[ctypes.c_char]:
+    """MuJoCo's virtual file system with black pictures (PNG) in the place of others: decoding these would take longer than all else."""
+    import struct
+    import zlib
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    mujoco.mj_addBufferVFS.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_char_p, ctypes.c_int]
+    files = ctypes.create_string_buffer(MAX_VFS_BYTES)
+    mujoco.mj_defaultVFS(files)
+    for name, columns, rows in textures:
+        header = chunk(b"IHDR", struct.pack(">IIBBBBB", columns, rows, 8, 2, 0, 0, 0))
+        dots = chunk(b"IDAT", zlib.compress((b"\0" + bytes(3 * columns)) * rows))
+        picture = b"\x89PNG\r\n\x1a\n" + header + dots + chunk(b"IEND", b"")
+        mujoco.mj_addBufferVFS(files, os.fsencode(name), picture, len(picture))
+    return files
 
 
 def _limit(seconds: int) -> None:

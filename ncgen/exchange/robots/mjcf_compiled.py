@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import chain, product
@@ -23,6 +23,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from ncgen.errors import ModelError, NcgenError, shown
 from ncgen.exchange.robots.markup import Markup, read_markup
+from ncgen.exchange.robots.mjcf_child import TEXTURES
 from ncgen.exchange.robots.mjcf_kept import keep_model, kept_model, key_of
 from ncgen.exchange.text import placed
 from ncgen.files import contents, is_file, is_there, write_text
@@ -63,14 +64,41 @@ PLUGINS_WITHOUT_FILES = {f"mujoco.sdf.{shape}" for shape in ("bolt", "bowl", "ge
 """Plugins of MuJoCo that make shapes of their settings alone, which takes longer than all else."""
 
 
+class Texture(NamedTuple):
+    """Where MuJoCo may look for a picture (PNG), and how many dots wide and high one of its kind is at least."""
+
+    path: str
+    columns: int
+    rows: int
+
+
 class Family(NamedTuple):
     """The root elements of a file and of all that it includes, and the real paths of all files that the model is made of.
 
-    files is empty where plugins have settings that may open files of their own.
+    files is empty where plugins have settings that may open files of their own. folders: where files may be
     """
 
     roots: list[Markup]
     files: frozenset[str]
+    folders: list[Path]
+
+    def textures(self) -> list[Texture]:
+        """The pictures that are textures and nothing else: how bodies move does not depend on them."""
+        named = [pair for root in self.roots for pair in named_files(root)]
+        needed = {_stripped(name) for element, name in named if element.tag != "texture"}
+        sizes: dict[str, set[tuple[int, int]]] = {}
+        for element, name in named:
+            if name.endswith(".png") and _stripped(name) not in needed:
+                sizes.setdefault(name, set()).add(_least_size(element))
+        paths = [(folder / name, *several) for name, several in sizes.items() if len(several) == 1 for folder in self.folders]
+        return [Texture(str(path.absolute()), *size) for path, size in paths if is_file(path)]
+
+
+def _least_size(texture: Markup) -> tuple[int, int]:
+    """Columns and rows of the grid of pictures that a file of a texture is; one where it says nothing that can be read."""
+    words = dict.get(texture.attributes, "gridsize", "").split()
+    rows, columns = words if len(words) == 2 and all(word.isdecimal() and 0 < int(word) < 100 for word in words) else (1, 1)
+    return int(columns), int(rows)
 
 
 def family(root: Markup, path: Path) -> Family:
@@ -92,7 +120,7 @@ def family(root: Markup, path: Path) -> Family:
     elements = list(chain.from_iterable(each.walk() for each in roots))
     plugins = {each.attributes[PLUGIN] for each in elements if each.tag == PLUGIN and PLUGIN in each.attributes}
     settings = any(each.tag == PLUGIN_SETTING for each in elements) and not plugins <= PLUGINS_WITHOUT_FILES
-    return Family(roots, frozenset() if settings else frozenset(files))
+    return Family(roots, frozenset() if settings else frozenset(files), folders)
 
 
 def _found(named: Iterable[tuple[Markup, str]], folders: Iterable[Path], files: set[str]) -> Iterator[Path]:
@@ -160,18 +188,18 @@ def file_of(name: str, root: Markup, path: Path) -> Path | None:
     return next((candidate.resolve() for candidate in candidates if is_file(candidate)), None)
 
 
-def compiled(path: Path, text: str | None = None, files: Collection[str] = ()) -> Compiled:
-    """The model of a file, or what was kept of it, and warn of what MuJoCo warns of.
+def compiled(path: Path, whole: Family | None = None, text: str | None = None) -> Compiled:
+    """The model of a file, or what was kept of it by the content of all its files, and warn of what MuJoCo warns of.
 
-    text: in place of the file's own; files: all that the model is made of, by whose content it is kept; none where it is not to be
+    whole: of the file; without it nothing is kept; text: in place of the file's own
     Raises ModelError with what MuJoCo says of it, or how it ended, NcgenError without MuJoCo.
     """
-    library = _library(path)
+    library, files = _library(path), whole.files if whole else ()
     key = key_of(path, library, text, files) if files else None
     if key and (known := kept_model(key)):
         model, messages = known
     else:
-        model, messages = _compiled_now(path, library, text)
+        model, messages = _compiled_now(path, library, text, whole.textures() if whole else ())
         for name, most in MAX_COUNTS.items():
             if getattr(model, name) > most:
                 raise ModelError(placed(path.name, None, f"it has {getattr(model, name)} {WORDS[name]}, and {most} are read; take fewer"))
@@ -195,13 +223,15 @@ def _library(path: Path) -> Path:
     return library
 
 
-def _compiled_now(path: Path, library: Path, text: str | None) -> tuple[Compiled, list[str]]:
-    """The model of a file, and what MuJoCo warns of. Raises ModelError."""
+def _compiled_now(path: Path, library: Path, text: str | None, textures: Sequence[Texture]) -> tuple[Compiled, list[str]]:
+    """The model of a file, and what MuJoCo warns of; textures: that are not read. Raises ModelError."""
     with tempfile.TemporaryDirectory(prefix="ncgen-mjcf-") as folder:
         file = path
         if text is not None:
             file = Path(folder) / path.name
             write_text(file, text)
+        if textures:
+            write_text(Path(folder) / TEXTURES, json.dumps(textures))
         messages = _run(file, library, Path(folder))
         mujoco: Any = import_module("mujoco")
         before = mujoco.get_mju_user_warning()

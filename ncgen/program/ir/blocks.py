@@ -7,7 +7,7 @@ list of operations `count` times; its slots say where each run reads, its stores
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
@@ -114,13 +114,14 @@ class Phases(NamedTuple):
     """How a program is cut into blocks of which several programs consist.
 
     The first phase finds what the second and the later ones need, and numbers in the temporary `rates`; the second one puts others in their
-    place, from which the third finds the first `leading` outputs, and the last one all others.
+    place, from which the third finds the leading outputs, and the last one all others.
 
-    rates: how many there are; ends: behind which block each of the first three phases ends, once it is cut
+    rates: how many there are; leading: positions of these outputs, in ascending order; ends: behind which block each of the first three
+        phases ends, once it is cut
     """
 
     rates: int
-    leading: int
+    leading: tuple[int, ...]
     ends: tuple[int, int, int] = (0, 0, 0)
 
 
@@ -154,9 +155,11 @@ class Program:
 
     @property
     def beginning(self) -> Program:
-        """The leading outputs of a program with phases alone."""
+        """A program with phases that writes its leading outputs alone, one after the other."""
         assert self.phases is not None, "a program without phases"
-        return replace(self, size=self.phases.leading, blocks=self.blocks[: self.phases.ends[2]], phases=None)
+        order = {position: k for k, position in enumerate(self.phases.leading)}
+        first = replace(self, blocks=self.blocks[: self.phases.ends[2]], phases=None)
+        return replace(first.reordered(order), size=len(order))
 
     @property
     def uncorrected(self) -> Program:
@@ -165,7 +168,7 @@ class Program:
         first, second, _ = self.phases.ends
         return replace(self, blocks=self.blocks[:first] + self.blocks[second:], phases=None)
 
-    def reordered(self, order: Sequence[int]) -> Program:
+    def reordered(self, order: Sequence[int] | Mapping[int, int]) -> Program:
         """The same outputs in other order: what was in k is in order[k]. For programs without loops."""
 
         def moved(op: Op) -> Op:

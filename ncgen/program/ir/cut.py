@@ -46,7 +46,7 @@ def cut_into_phases(program: Program) -> Program:
     stores, phase_of_store = [], []
     for store in block.stores:
         phase, index = divmod(store.index, phases.rates) if store.index < 2 * phases.rates else (2, store.index - 2 * phases.rates)
-        phase_of_store.append(phase if phase < 2 or index < phases.leading else 3)
+        phase_of_store.append(phase if phase < 2 or index in phases.leading else 3)
         stores.append(replace(store, array=RATES if phase < 2 else store.array, index=index))
     phase_of = _phases(block, phase_of_store)
     order = sorted(range(len(block.ops)), key=phase_of.__getitem__)

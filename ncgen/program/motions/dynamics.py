@@ -41,7 +41,7 @@ from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.motions.motion import RecursiveMotions, as_projected, derivative_of
+from ncgen.program.motions.motion import RecursiveMotions, among_projected, derivative_of, in_order_of_runs
 from ncgen.program.motions.sliding_derivatives import with_friction
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions, is_described
@@ -83,7 +83,7 @@ class DynamicsPrograms:
 class MotionPrograms:
     """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ].
 
-    projected: gives what velocities gives, and the accelerations there: [q̇ (n), growth, q̈ (n), power], in phases of which derivative and
+    projected: gives what velocities gives, and the accelerations there: [q̈ (n), q̇ (n), power, growth], in phases of which derivative and
         velocities consist; None where forces of others act
     prepare: gives what depends on parameters alone, which the others read behind p; None where nothing does
     is_general: whether all of their numbers come from the equations, and none from samples of positions
@@ -108,8 +108,8 @@ class MotionPrograms:
 
     @property
     def emitted(self) -> tuple[Program, ...]:
-        """The programs that a motion is printed from: `projected` contains others, and a derivative has its order."""
-        moving = (self.projected,) if self.projected else (as_projected(self.derivative), self.velocities)
+        """The programs that a motion is printed from: `projected` contains others, and all write where it does."""
+        moving = (self.projected,) if self.projected else (in_order_of_runs(self.derivative), among_projected(self.velocities))
         parts = (*moving, self.closing)
         return (*parts, self.prepare) if self.prepare else parts
 
@@ -166,7 +166,7 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
         prepare=prepare,
         is_general=is_described(equations, samples[0]),
     )
-    for program in (*motion.all, *motion.emitted):
+    for program in (*motion.all, motion.emitted[0]):
         verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + motion.prepared})
     return motion
 

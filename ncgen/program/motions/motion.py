@@ -1,8 +1,8 @@
 """The motion of all coordinates by recursion over the tree of bodies, without a choice of independent ones.
 
     derivative(t, q, qd, p)  -> q̇ (n), q̈ (n), power, growth; with forces along the coordinates derivative(t, q, qd, forces, p)
-    projected(t, q, qd, p)   -> q̇ (n), growth, q̈ (n), power: the nearest velocities that the joints allow, in the sense of kinetic energy,
-                                and the accelerations there
+    projected(t, q, qd, p)   -> q̈ (n), q̇ (n), power, growth: the nearest velocities that the joints allow, in the sense of kinetic energy,
+                                and the accelerations there; in the order of the states that runs integrate
     velocities(t, q, qd, p)  -> q̇ (n), growth: these alone
 
 The velocities given say how the joints turn and slide (`ncgen.program.tree.joint_rates`), and x = R ż + S ν is what loops allow of that.
@@ -59,9 +59,9 @@ class RecursiveMotions:
         work, count = self.work, len(self.work.speeds)
         moved = work.at_speeds([work.graph.load(RATES, k) for k in range(count)])
         zdd = moved.solve(way)
-        leading = [*moved.lines.rates, _growth(work)]
-        outputs = [*work.speeds, *self._corrected(way), *leading, *_accelerations(moved, zdd), moved.power(zdd)]
-        return work.lines.draft("projected", ("t", "q", "qd", RATES, "p"), outputs, Phases(count, len(leading)))
+        outputs = [*_accelerations(moved, zdd), *moved.lines.rates, moved.power(zdd), _growth(work)]
+        phases = Phases(count, _places_of_velocities(len(outputs)))
+        return work.lines.draft("projected", ("t", "q", "qd", RATES, "p"), [*work.speeds, *self._corrected(way), *outputs], phases)
 
     def _corrected(self, way: str) -> list[int]:
         changes = self.work.solve(way, _momentum(self.work))
@@ -75,14 +75,25 @@ class RecursiveMotions:
 
 def derivative_of(projected: Program) -> Program:
     """`derivative`, which consists of phases of `projected`."""
-    n = projected.size // 2 - 1
-    return replace(projected.uncorrected.reordered([*range(n), 2 * n + 1, *range(n, 2 * n), 2 * n]), name="derivative")
+    return replace(in_order_of_runs(projected.uncorrected), name="derivative")
 
 
-def as_projected(derivative: Program) -> Program:
-    """`derivative` with its outputs in the order of `projected`."""
+def in_order_of_runs(derivative: Program) -> Program:
+    """`derivative` with q̈ before q̇, as `projected` has them; and what has that order in the other one."""
     n = derivative.size // 2 - 1
-    return derivative.reordered([*range(n), *range(n + 1, 2 * n + 2), n])
+    return derivative.reordered([*range(n, 2 * n), *range(n), 2 * n, 2 * n + 1])
+
+
+def among_projected(velocities: Program) -> Program:
+    """`velocities` that writes where `projected` has them."""
+    size = 2 * velocities.size
+    return replace(velocities.reordered(_places_of_velocities(size)), size=size)
+
+
+def _places_of_velocities(size: int) -> tuple[int, ...]:
+    """Where q̇ and growth are among so many outputs of `projected`."""
+    n = size // 2 - 1
+    return (*range(n, 2 * n), size - 1)
 
 
 def _accelerations(work: Recursion, zdd: Sequence[int]) -> list[int]:

@@ -17,7 +17,7 @@ extern "C" {
  * without such rows, else one more than there are combinations in ncgen_redundant.h), the width of the method's tableau, and parameters
  * with what is prepared of them, 0 where nothing is. */
 #define NCGEN_DRIVEN_WORKSPACE(n, m, nonzeros, factor, vectors, width, p_copy) \
-    (NCGEN_GAPS + (p_copy) + 17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 1) + (nonzeros) + (factor) + (vectors) * ((n) + (m)))
+    (NCGEN_GAPS + (p_copy) + 17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 2) + (nonzeros) + (factor) + (vectors) * ((n) + (m)))
 
 /* begin cdef */
 

@@ -74,11 +74,12 @@ typedef int ncgen_prepare_kernel(const ncgen_real *p, ncgen_real *out);
 
 /* The motion of all coordinates, emitted for one mechanism as straight-line code. Where the pivot growth, how much worse their order
  * is than usual, is large, the matrix [M Phi_q'; Phi_q -E] is factored instead. What is prepared follows the parameters in the p that
- * the other functions read. */
+ * the other functions read. The first three write what a run integrates, qdd, qd (n_coordinates each) and power, and behind them the
+ * growth. */
 typedef struct ncgen_motion {
-    ncgen_velocity_kernel *derivative; /* qd as the joints allow, growth, qdd (n_coordinates each), power; NULL where it is `forced` */
-    ncgen_velocity_kernel *velocities; /* the nearest qd that the joints allow, in the sense of kinetic energy, growth */
-    ncgen_velocity_kernel *projected;  /* these and the derivative there, as above; NULL where it is `forced` */
+    ncgen_velocity_kernel *derivative; /* qd as the joints allow; NULL where it is `forced` */
+    ncgen_velocity_kernel *velocities; /* of these the nearest qd that the joints allow, in the sense of kinetic energy, and growth alone */
+    ncgen_velocity_kernel *projected;  /* this qd, and all else there; NULL where it is `forced` */
     ncgen_position_kernel *closing;    /* a Newton step: dq (n_coordinates), phi (n_rows), which is 0 where it closes at once */
     ncgen_prepare_kernel *prepare;     /* n_prepared numbers; NULL: none */
     int n_prepared;

@@ -1,5 +1,6 @@
 /* ncgen_block_steps.c: steps of explicit Runge-Kutta methods, every lane at its own time, where its own error allows. */
 #include "ncgen_block.h"
+#include "ncgen_stage_sums.h"
 #include "ncgen_step_rules.h"
 
 enum { REPEAT_LIMIT = 8 };
@@ -43,9 +44,7 @@ static ncgen_real first_step(ncgen_block *r, int order, double span)
 
 static void advance(const ncgen_block *r, ncgen_real h, int stages, const double *weights, ncgen_real *y_new)
 {
-    ncgen_sum_stages(r->ny, stages, weights, r->k[0], y_new);
-    for (int i = 0; i < r->ny; ++i)
-        y_new[i] = r->y[i] + h * y_new[i];
+    ncgen_sum_stages(r->ny, stages, weights, r->k, r->y, h, y_new);
 }
 
 /* One trial step of the lanes that run: new_y, and the derivative there. Those that have one. */
@@ -64,7 +63,7 @@ static ncgen_mask trial_step(ncgen_block *r, const tableau *method, ncgen_real t
 /* Estimate k of the error over h, squared. */
 static ncgen_real estimate(ncgen_block *r, const tableau *method, int k)
 {
-    ncgen_sum_stages(r->ny, method->stages + 1, method->errors[k], r->k[0], r->at);
+    ncgen_sum_stages(r->ny, method->stages + 1, method->errors[k], r->k, NULL, ncgen_splat(1.0), r->at);
     return mean_square(r, r->ny, r->at, r->new_y);
 }
 

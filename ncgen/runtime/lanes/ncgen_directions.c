@@ -1,7 +1,7 @@
 /* ncgen_directions.c: a run that was taped, differentiated along directions, a direction a lane; steps as in ncgen_adjoint.c. */
 #include "ncgen_directions.h"
 #include "ncgen_space.h"
-#include "ncgen_step_rules.h"
+#include "ncgen_stage_sums.h"
 #include "ncgen_vectors.h"
 #include "ncgen_tableaus.h"
 
@@ -14,7 +14,7 @@ typedef struct sweep {
     ncgen_real *seed;   /* 2 n + n_p: changes of a state and of p; p stays at its end */
     ncgen_real *brief;  /* n + n_p: the same where a program takes no qd */
     ncgen_real *state;  /* 2 n: changes where the step begins, then where it ends */
-    ncgen_real *stage_derivatives; /* 2 n for every stage */
+    ncgen_real *stage_derivatives[WIDTH]; /* 2 n for every stage */
     ncgen_real *output;  /* 2 n: what a program writes */
     int n_w;            /* inputs that are driven */
     ncgen_real *w;      /* where p has them */
@@ -32,7 +32,8 @@ static void lay_out(sweep *s, int n, int n_p, int method, ncgen_space *space)
     s->seed = ncgen_take(space, 2 * n + n_p);
     s->brief = ncgen_take(space, n + n_p);
     s->state = ncgen_take(space, 2 * n);
-    s->stage_derivatives = ncgen_take(space, 2 * n * s->method->stages);
+    for (int j = 0; j < s->method->stages; ++j)
+        s->stage_derivatives[j] = ncgen_take(space, 2 * n);
     s->output = ncgen_take(space, 2 * n);
 }
 
@@ -102,7 +103,7 @@ static void close(const sweep *s, double t)
 static void project_state(const sweep *s, double t, const double *left, const double *closed, const double *end)
 {
     const int n = s->n;
-    ncgen_real *moved = s->stage_derivatives; /* n: the stages are behind */
+    ncgen_real *moved = s->stage_derivatives[0]; /* n: the stages are behind */
     note(s, 2 * n * s->method->stages, 2 * n, s->state);
     spread(n, closed, s->at);
     for (int i = 0; i < n; ++i)
@@ -144,15 +145,13 @@ static void stages(const sweep *s, double t, double h, const double *states, con
     const int size = 2 * s->n, last = s->method->stages;
     const ncgen_real zero = {0};
     for (int j = 0; j <= last; ++j) {
-        ncgen_sum_stages(size, j, s->method->a[j], s->stage_derivatives, s->seed);
-        for (int i = 0; i < size; ++i)
-            s->seed[i] = s->state[i] + h * s->seed[i];
+        ncgen_sum_stages(size, j, s->method->a[j], s->stage_derivatives, s->state, zero + h, s->seed);
         if (j == last)
             break;
         note(s, j * size, size, s->seed);
         spread(size, states + j * size, s->at);
         spread(s->n_w, inputs + j * s->n_w, s->w);
-        s->motion->derivative(zero + (t + s->method->c[j] * h), s->at, s->at + s->n, s->p, s->seed, s->stage_derivatives + j * size);
+        s->motion->derivative(zero + (t + s->method->c[j] * h), s->at, s->at + s->n, s->p, s->seed, s->stage_derivatives[j]);
     }
     for (int i = 0; i < size; ++i)
         s->state[i] = s->seed[i];

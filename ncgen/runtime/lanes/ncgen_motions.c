@@ -3,7 +3,7 @@
  */
 #include "ncgen_motions.h"
 #include "ncgen_rows.h"
-#include "ncgen_step_rules.h"
+#include "ncgen_stage_sums.h"
 #include "ncgen_vectors.h"
 #include "ncgen_tableaus.h"
 
@@ -28,7 +28,7 @@ typedef struct run {
     ncgen_real *offset; /* n */
     ncgen_real *output; /* what a program writes */
     ncgen_real *more;  /* 2 n + 2 */
-    ncgen_real *stage_derivatives; /* 2 n for every stage and the end */
+    ncgen_real *stage_derivatives[WIDTH]; /* 2 n for every stage and the end */
     double *rows;       /* n of every lane */
 } run;
 
@@ -108,19 +108,19 @@ static void project_state(run *r, double t, ncgen_real *closed)
         r->offset[i] -= q[i];
     const ncgen_real length = largest_of(n, r->offset, r->per_column);
     r->motion->velocities(ncgen_splat(t), q, r->offset, r->p, r->output);
-    r->good &= (r->output[n] < max_growth) | ~(length > 0.0);
+    r->good &= (r->output[2 * n + 1] < max_growth) | ~(length > 0.0);
     if (r->sizes->is_driven) {
         for (int i = 0; i < n; ++i)
             r->offset[i] = ncgen_splat(0.0);
         r->motion->velocities(ncgen_splat(t), q, r->offset, r->p, r->more);
         for (int i = 0; i < n; ++i)
-            r->output[i] -= r->more[i];
+            r->output[n + i] -= r->more[n + i];
     }
     for (int i = 0; i < n; ++i)
-        q[i] += (ncgen_real)((ncgen_mask)r->output[i] & (length > 0.0));
+        q[i] += (ncgen_real)((ncgen_mask)r->output[n + i] & (length > 0.0));
     close_position(r, t, q, r->good & ~(length * length < 0.01 * rounding));
     r->motion->velocities(ncgen_splat(t), q, qd, r->p, r->output);
-    ncgen_copy(n, r->output, qd);
+    ncgen_copy(n, r->output + n, qd);
 }
 
 /* [qd, qdd] of a state into stage_derivatives; lanes with pivot growth, or a NaN, are good no more. */
@@ -129,14 +129,14 @@ static ncgen_real derivative(run *r, double t, const ncgen_real *state, ncgen_re
     const int n = r->n;
     ncgen_real sums[CHAINS] = {{0}}; /* which are numbers where all are */
     r->motion->derivative(ncgen_splat(t), state, state + n, r->p, r->output);
-    ncgen_copy(n, r->output, stage_derivatives);
-    ncgen_copy(n, r->output + n + 1, stage_derivatives + n);
+    ncgen_copy(n, r->output + n, stage_derivatives);
+    ncgen_copy(n, r->output, stage_derivatives + n);
     for (int i = 0; i < 2 * n; ++i)
         sums[i % CHAINS] += stage_derivatives[i];
     for (int k = 0; k < CHAINS; ++k)
         r->good &= sums[k] - sums[k] == 0.0;
-    r->good &= r->output[n] < max_growth;
-    return r->output[n];
+    r->good &= r->output[2 * n + 1] < max_growth;
+    return r->output[2 * n + 1];
 }
 
 /* A step of h from t on, which leaves its states on the tape. */
@@ -146,15 +146,13 @@ static void step(run *r, double t, double h, ncgen_real *tape)
     ncgen_copy(size, r->state, tape);
     for (int s = 1; s <= last; ++s) {
         ncgen_real *stage = tape + s * size;
-        ncgen_sum_stages(size, s, r->method->a[s], r->stage_derivatives, stage);
-        for (int i = 0; i < size; ++i)
-            stage[i] = r->state[i] + h * stage[i];
+        ncgen_sum_stages(size, s, r->method->a[s], r->stage_derivatives, r->state, ncgen_splat(h), stage);
         if (s < last)
-            derivative(r, t + r->method->c[s] * h, stage, r->stage_derivatives + s * size);
+            derivative(r, t + r->method->c[s] * h, stage, r->stage_derivatives[s]);
     }
     ncgen_copy(size, tape + last * size, r->state);
     project_state(r, t + h, tape + (last + 1) * size);
-    r->good &= derivative(r, t + h, r->state, r->stage_derivatives) < max_step_growth;
+    r->good &= derivative(r, t + h, r->state, r->stage_derivatives[0]) < max_step_growth;
 }
 
 /* n numbers of each lane into rows that lie `stride` numbers from one another. */
@@ -181,7 +179,7 @@ static void run_block(run *r, long steps, const double *times, int count, double
         r->motion->prepare(r->p, r->p + r->sizes->n_parameters);
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
         r->good[lane] = -1;
-    derivative(r, times[0], r->state, r->stage_derivatives);
+    derivative(r, times[0], r->state, r->stage_derivatives[0]);
     write_state(r, count, steps + 1, 0, out_q, out_qd);
     for (long k = 0; k < steps && ncgen_any(r->good); ++k) {
         step(r, times[k], times[k + 1] - times[k], tape + (size_t)(k % taped) * length);
@@ -203,7 +201,8 @@ void ncgen_motions(const void *motion, const ncgen_taped *sizes, int n_rows, con
     r.offset = ncgen_take(&space, n);
     r.output = ncgen_take(&space, 2 * n + 2 + n_rows);
     r.more = ncgen_take(&space, 2 * n + 2);
-    r.stage_derivatives = ncgen_take(&space, 2 * n * (r.method->stages + 1));
+    for (int s = 0; s <= r.method->stages; ++s)
+        r.stage_derivatives[s] = ncgen_take(&space, 2 * n);
     r.rows = (double *)ncgen_take(&space, n);
     r.per_column = ncgen_take(&space, n);
     r.per_row = ncgen_take(&space, n_rows);

@@ -1,4 +1,4 @@
-/* ncgen_constrained.c: formalisms on all coordinates, y = [qd, q, work].
+/* ncgen_constrained.c: formalisms on all coordinates, y = [qd, q, work, 0], the last being room for a growth among derivatives.
  *
  * Accelerations and multipliers solve [M Phi_q'; Phi_q -E] [qdd; lam] = [Q; gamma], where the diagonal E is zero for
  * lagrange and the inverse of a penalty else: the augmented Lagrangian removes its effect by iteration, penalty leaves it
@@ -21,7 +21,8 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     ncgen_space *space = &r->space;
     r->constrained = w;
     w->iterated = r->options->formalism == NCGEN_AUGMENTED_LAGRANGIAN || (d->singular_mass && r->options->formalism != NCGEN_PENALTY);
-    r->ny = r->error_size = 2 * r->n + 1;
+    r->error_size = 2 * r->n + 1;
+    r->ny = r->error_size + 1;
     r->qd = ncgen_take(space, 2 * r->n); /* as in y */
     r->q = r->qd ? r->qd + r->n : NULL;
     w->n_mass = ncgen_nonzeros(&r->model->mass_pattern);
@@ -175,23 +176,11 @@ int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
     return NCGEN_OK;
 }
 
-/* From the limit on a digit is lost; where a tape is written that is put up with, since the matrix leaves nothing to differentiate,
- * until three are. */
-ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit)
-{
-    return r->options->tape ? limit * R(1.0e6) : limit;
-}
-
-int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth)
-{
-    return !(growth < ncgen_pivot_growth_limit(r, R(10.0)));
-}
-
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
 {
     ncgen_constrained *w = r->constrained;
     if (w->motion && r->external && ncgen_external_forces(r, t, q, qd) != NCGEN_OK)
-        out[r->n] = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
+        *ncgen_growth_in(r, out) = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
     else if (w->motion && r->external)
         w->motion->forced(t, q, qd, r->external, r->p, out);
     else if (w->motion)
@@ -250,16 +239,13 @@ const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen)
     return ncgen_tree_along(r, &r->constrained->tree, chosen);
 }
 
-/* yd of [qd, growth, qdd, power] in w->emitted; 0 where the order of elimination is a bad one. */
+/* Is what a motion has written into yd a derivative? 0 where the order of elimination is a bad one. */
 static int take(ncgen_run *r, ncgen_constrained *w, ncgen_real *yd)
 {
-    const int n = r->n;
-    w->pivot_growth = w->emitted[n];
+    w->pivot_growth = *ncgen_growth_in(r, yd);
     if (ncgen_has_pivot_growth(r, w->pivot_growth))
         return 0;
-    ncgen_copy(n, w->emitted, yd + n);
-    ncgen_copy(n, w->emitted + n + 1, yd);
-    yd[2 * n] = w->emitted[2 * n + 1];
+    *ncgen_growth_in(r, yd) = 0;
     w->is_factored = w->has_phi_q = 0;
     r->statistics->evaluations += 1;
     return 1;
@@ -269,9 +255,9 @@ static int take(ncgen_run *r, ncgen_constrained *w, ncgen_real *yd)
 static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
-    if (ncgen_read_inputs(r, t) != NCGEN_OK)
+    if (r->is_driven && ncgen_read_inputs(r, t) != NCGEN_OK)
         return 0; /* the same is found again, and reported, on the way by the matrix */
-    ncgen_recursive_derivative(r, t, q, qd, w->emitted);
+    ncgen_recursive_derivative(r, t, q, qd, yd);
     return take(r, w, yd);
 }
 
@@ -287,7 +273,7 @@ static int choose_form(ncgen_run *r, ncgen_scalar t)
     ncgen_constrained *w = r->constrained;
     if (w->is_factored) {
         ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
-        w->pivot_growth = w->emitted[r->n];
+        w->pivot_growth = *ncgen_growth_in(r, w->emitted);
     }
     w->uses_matrix = !(w->pivot_growth < ncgen_pivot_growth_limit(r, soon_bad));
     r->projects_stages = !(w->pivot_growth < usual);
@@ -316,6 +302,7 @@ static int stage_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_r
         return status;
     ncgen_copy(n, w->solution, yd);
     ncgen_copy(n, r->qd, yd + n);
+    *ncgen_growth_in(r, yd) = 0;
     return ncgen_constrained_power(r, t, yd + 2 * n);
 }
 
@@ -346,7 +333,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     ncgen_copy(n, r->start_q, r->y + n);
     ncgen_copy(n, velocities, r->start_qd);
     ncgen_copy(n, r->start_q, r->q);
-    r->y[2 * n] = 0;
+    r->y[2 * n] = r->y[2 * n + 1] = 0;
     w->has_phi_q = 0;
     w->is_factored = 1;
     w->uses_matrix = 0;

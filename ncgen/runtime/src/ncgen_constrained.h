@@ -29,7 +29,7 @@ typedef struct ncgen_constrained {
     ncgen_real *offset;                        /* n: how far a position is from another one */
     ncgen_real *closed_position;               /* n: for a tape, where closing brought the last state, before it was moved on */
     ncgen_real moved_at_once;                  /* how far closing moved a position, in natural sizes; -1: it took more than one step */
-    int came_along;                            /* emitted has the derivative at r->q, r->qd: ncgen_motion.projected */
+    int came_along;                            /* the derivative at r->q, r->qd is known: ncgen_motion.projected */
     ncgen_real pivot_growth;                   /* of its elimination, where it was called last */
     int uses_matrix;                           /* this step goes without it */
     int is_prepared;                           /* are sizes and diagonal of the matrix known? */
@@ -70,17 +70,34 @@ void ncgen_constrained_rows(ncgen_run *r, int factors_are_near);   /* which of r
 ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows);
 ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x);
 int ncgen_constrained_is_dense(const ncgen_run *r);
+/* Where a motion writes its growth: behind what is integrated, so that it may write the derivative of y where that is wanted. */
+static inline ncgen_real *ncgen_growth_in(const ncgen_run *r, ncgen_real *out)
+{
+    return out + 2 * r->n + 1;
+}
+
 /* The functions of an ncgen_motion, emitted or by tables. */
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 int ncgen_recursive_projected(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out); /* 0: velocities alone */
-int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd); /* the derivative that came along with the last ones; 0 where there is none */
+int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd); /* is yd, which came along with the last ones, a derivative? */
 void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out);
 int ncgen_recursive_joints(const ncgen_run *r); /* of ncgen_tree.h where loops over its tables give the motion, else 0 */
 void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_real *chosen); /* of ncgen_tree.h */
 const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen);
 int ncgen_follows_from_measured(const ncgen_run *r); /* is the position that closing gave that of its measured coordinates? */
-ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit); /* the limit with a tape, for one without */
-int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth);             /* of an emitted elimination */
+
+/* From the limit on a digit is lost; where a tape is written that is put up with, since the matrix leaves nothing to differentiate,
+ * until three are. */
+static inline ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit)
+{
+    return r->options->tape ? limit * R(1.0e6) : limit;
+}
+
+/* Of an emitted elimination. */
+static inline int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth)
+{
+    return !(growth < ncgen_pivot_growth_limit(r, R(10.0)));
+}
 
 #endif

@@ -78,7 +78,7 @@ int ncgen_advance(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *mome
     moment->t = statistics->stopped ? r.start_t : t_end;
     moment->h = statistics->next_step;
     moment->work += r.start_work;
-    keep(&r, r.start_q, r.start_qd, w.stepping.stage_derivatives, moment);
+    keep(&r, r.start_q, r.start_qd, w.stepping.stage_derivatives[0], moment);
     return NCGEN_OK;
 }
 
@@ -92,7 +92,7 @@ void ncgen_advance_each(const ncgen_driven *d, int count, int n_p, const ncgen_r
 /* The derivative of the state in r->y, and the moment as both have it; the derivative's velocities are those that the joints allow. */
 static int evaluate(ncgen_run *r, parts *w, ncgen_moment *moment)
 {
-    ncgen_real *derivative = w->stepping.stage_derivatives;
+    ncgen_real *derivative = w->stepping.stage_derivatives[0];
     const int status = r->derivative(r, moment->t, r->y, derivative);
     if (status != NCGEN_OK)
         return status;

@@ -11,7 +11,7 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
 {
     w->new_y = ncgen_take(&r->space, r->ny);
     w->at = ncgen_take(&r->space, r->ny);
-    w->stage_derivatives = ncgen_take(&r->space, tableaus[r->options->method].width * r->ny);
+    ncgen_take_stages(r, w, tableaus[r->options->method].width);
     w->interpolated = 0;
     w->repeated = w->stiff = w->not_stiff = w->tiny = 0;
 }
@@ -76,14 +76,14 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
         const ncgen_scalar at = t + method->c[s] * h;
         int status = ncgen_report_attempt(r, at);
         if (status == NCGEN_OK && (s == last || projects))
-            status = projected_derivative(r, w, at, s == last, ncgen_stage_derivative(r, w, s));
+            status = projected_derivative(r, w, at, s == last, w->stage_derivatives[s]);
         else if (status == NCGEN_OK)
-            status = r->stage_derivative(r, at, w->new_y, ncgen_stage_derivative(r, w, s));
+            status = r->stage_derivative(r, at, w->new_y, w->stage_derivatives[s]);
         if (status != NCGEN_OK)
             return status;
     }
     w->interpolated = 0;
-    return ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, ncgen_stage_derivative(r, w, last)) ? NCGEN_OK : NCGEN_DOMAIN;
+    return ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, w->stage_derivatives[last]) ? NCGEN_OK : NCGEN_DOMAIN;
 }
 
 /* The stages that only the interpolant needs; taken once a step, when first asked for. */
@@ -91,7 +91,7 @@ static int prepare_interpolant(ncgen_run *r, ncgen_stepping *w, const tableau *m
 {
     for (int s = method->stages + 1; s < method->width && !w->interpolated; ++s) {
         ncgen_advance_by_stages(r, w, h, s, method->a[s], w->at);
-        const int status = r->derivative(r, t + method->c[s] * h, w->at, ncgen_stage_derivative(r, w, s));
+        const int status = r->derivative(r, t + method->c[s] * h, w->at, w->stage_derivatives[s]);
         if (status != NCGEN_OK)
             return status;
     }
@@ -123,14 +123,14 @@ static int finish_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, n
     if (r->options->tape)
         tape_step(r, method, t, t_new, w->new_y);
     const int status = ncgen_grid_step(r, w, t, t_new);
-    ncgen_copy(r->ny, ncgen_stage_derivative(r, w, method->stages), ncgen_stage_derivative(r, w, 0));
+    ncgen_begin_at_stage(w, method->stages);
     return status;
 }
 
 /* The derivative at the start of a step whose inputs are not those of the last step's end. */
 static int begin_anew(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t)
 {
-    return r->is_driven ? r->derivative(r, t, r->y, ncgen_stage_derivative(r, w, 0)) : NCGEN_OK;
+    return r->is_driven ? r->derivative(r, t, r->y, w->stage_derivatives[0]) : NCGEN_OK;
 }
 
 /* A trial step and its error over the tolerance that it may have; NCGEN_NOT_CONVERGED where that is beyond all bounds. */
@@ -239,8 +239,8 @@ static int run_fixed(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 int ncgen_explicit(ncgen_run *r, ncgen_stepping *w)
 {
     const tableau *method = &tableaus[r->options->method];
-    int status = r->derivative(r, r->times[0], r->y, ncgen_stage_derivative(r, w, 0));
-    if (status == NCGEN_OK && !ncgen_is_finite(r->ny, ncgen_stage_derivative(r, w, 0)))
+    int status = r->derivative(r, r->times[0], r->y, w->stage_derivatives[0]);
+    if (status == NCGEN_OK && !ncgen_is_finite(r->ny, w->stage_derivatives[0]))
         status = NCGEN_DOMAIN;
     if (status == NCGEN_OK)
         (void)ncgen_accept(r, r->times[0], r->y);

@@ -151,7 +151,9 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
         ncgen_copy(r->n, r->start_q, r->q);
         ncgen_copy(r->n, r->start_qd, r->qd);
     }
-    ncgen_copy(r->ny, w->new_y, r->y);
+    ncgen_real *before = r->y;
+    r->y = w->new_y;
+    w->new_y = before;
     write_end(r, t_new, t_new + grid_tolerance * h);
     return status == NCGEN_OK ? ncgen_choose(r) : status;
 }

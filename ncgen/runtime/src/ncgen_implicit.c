@@ -21,7 +21,7 @@ void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     m->width = m->is_second_order ? 2 * m->count : m->count;
     w->new_y = ncgen_take(&r->space, ny);
     w->at = ncgen_take(&r->space, ny);
-    w->stage_derivatives = ncgen_take(&r->space, 2 * ny);
+    ncgen_take_stages(r, w, 2);
     w->interpolant = ncgen_take(&r->space, 3 * ny);
     m->jacobian = ncgen_take(&r->space, (m->is_reduced ? m->count : m->rows) * m->width);
     m->real.matrix = ncgen_take(&r->space, m->count * m->count);
@@ -151,8 +151,8 @@ int ncgen_implicit_jacobian(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t, ncg
 
 int ncgen_implicit_begin(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
-    int status = r->derivative(r, r->times[0], r->y, w->stage_derivatives);
-    if (status == NCGEN_OK && !ncgen_is_finite(r->ny, w->stage_derivatives))
+    int status = r->derivative(r, r->times[0], r->y, w->stage_derivatives[0]);
+    if (status == NCGEN_OK && !ncgen_is_finite(r->ny, w->stage_derivatives[0]))
         status = NCGEN_DOMAIN;
     m->factored = 0;
     m->iterations = 0;

@@ -4,10 +4,12 @@
 
 #include "ncgen_state.h"
 
+enum { NCGEN_MOST_STAGES = 24 };
+
 /* What an integrator works in. */
 typedef struct ncgen_stepping {
     ncgen_real *new_y, *at;        /* ny: the end of a step, and a state in between */
-    ncgen_real *stage_derivatives; /* stages of ny each */
+    ncgen_real *stage_derivatives[NCGEN_MOST_STAGES]; /* ny each; [0]: where the step begins */
     ncgen_real *interpolant;       /* coefficients of ny each */
     int interpolated;              /* are they those of this step? */
     /* at: the state at t + s h, inside a step from y to new_y */
@@ -17,6 +19,21 @@ typedef struct ncgen_stepping {
     int tiny;                    /* looks in a row at steps far too short */
     ncgen_scalar mark;           /* the time at the last look at how far the steps come */
 } ncgen_stepping;
+
+/* Room for the derivatives at so many stages. */
+static inline void ncgen_take_stages(ncgen_run *r, ncgen_stepping *w, int count)
+{
+    for (int k = 0; k < count; ++k)
+        w->stage_derivatives[k] = ncgen_take(&r->space, r->ny);
+}
+
+/* A step begins where the last one ended: the derivative there, at this stage, becomes that of the first. */
+static inline void ncgen_begin_at_stage(ncgen_stepping *w, int last)
+{
+    ncgen_real *first = w->stage_derivatives[0];
+    w->stage_derivatives[0] = w->stage_derivatives[last];
+    w->stage_derivatives[last] = first;
+}
 
 /* NCGEN_DOMAIN unless the state that was evaluated last, and its work, are numbers. */
 int ncgen_check_state(const ncgen_run *r, ncgen_real work);

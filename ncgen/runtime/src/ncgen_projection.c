@@ -198,21 +198,22 @@ static int close_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
 static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const ncgen_real *q, ncgen_scalar enough)
 {
     const int n = r->n;
-    ncgen_real *moved = w->emitted, *driven = w->emitted + n + 1;
+    const ncgen_real *moved = w->emitted + n;
     for (int i = 0; i < n; ++i)
         w->offset[i] = q[i] - r->q[i];
     const ncgen_real length = ncgen_constrained_size(r, w->offset);
     if (length <= enough)
         return 1;
-    ncgen_recursive_velocities(r, t, r->q, w->offset, moved);
-    const int is_bad = ncgen_has_pivot_growth(r, moved[n]);
-    if (r->model->nu) {
+    ncgen_recursive_velocities(r, t, r->q, w->offset, w->emitted);
+    const int is_bad = ncgen_has_pivot_growth(r, *ncgen_growth_in(r, w->emitted));
+    if (r->model->nu) { /* without what drivers add */
+        ncgen_copy(n, moved, w->solution);
         for (int i = 0; i < n; ++i)
             w->offset[i] = 0;
-        ncgen_recursive_velocities(r, t, r->q, w->offset, driven);
+        ncgen_recursive_velocities(r, t, r->q, w->offset, w->emitted);
     }
     for (int i = 0; i < n; ++i)
-        r->q[i] += moved[i] - (r->model->nu ? driven[i] : 0);
+        r->q[i] += r->model->nu ? w->solution[i] - moved[i] : moved[i];
     /* what is straight leaves the constraints, always to the same side, by about the square of its length */
     return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t) != STAYS_OPEN);
 }
@@ -220,8 +221,8 @@ static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const nc
 /* Position and velocity of the state y by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below,
  * both are changed as little as can be in the sense of kinetic energy, a position up to `enough`. Where it follows from measured coordinates,
  * these stay as they were integrated, each to the same order as all others; an emitted one with a tape is moved all the same, as the sweep
- * back over the tape has it. The derivative comes along if it is wanted and there is a function for both. */
-static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const ncgen_real *y, ncgen_scalar enough, int wants_derivative)
+ * back over the tape has it. The derivative comes along, in yd, if that is not NULL and there is a function for both. */
+static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const ncgen_real *y, ncgen_scalar enough, ncgen_real *yd)
 {
     const ncgen_real *qd = y, *q = y + r->n;
     ncgen_copy(r->n, q, r->q);
@@ -234,12 +235,14 @@ static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t
     if (!stays && !approach(r, w, t, q, enough))
         return 0;
     w->moved_at_once = stays ? w->moved_at_once : -1;
-    if (wants_derivative)
-        w->came_along = ncgen_recursive_projected(r, t, r->q, qd, w->emitted);
-    else
-        ncgen_recursive_velocities(r, t, r->q, qd, w->emitted);
-    ncgen_copy(r->n, w->emitted, r->qd);
-    return ncgen_is_finite(r->n, r->qd);
+    ncgen_real *out = yd ? yd : w->emitted;
+    const int came_along = yd && ncgen_recursive_projected(r, t, r->q, qd, out);
+    if (!yd)
+        ncgen_recursive_velocities(r, t, r->q, qd, out);
+    ncgen_copy(r->n, out + r->n, r->qd);
+    const int is_finite = ncgen_is_finite(r->n, r->qd);
+    w->came_along = came_along && is_finite;
+    return is_finite;
 }
 
 /* Is a step whose end the recursion does not close better repeated than closed by the matrix? In loops over tables the matrix, which is large,
@@ -251,19 +254,18 @@ static int is_repeated_first(const ncgen_run *r, int precise)
 }
 
 /* Position and velocity of the state y onto the constraints, in r->q and r->qd, with the factors of a nearby state unless there are none;
- * enough, wants_derivative: as above; precise: whether nothing is tried before the matrix but the recursion. */
+ * enough, yd: as above; precise: whether nothing is tried before the matrix but the recursion. */
 static int project(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factors_are_near, ncgen_scalar enough, int precise,
-                   int wants_derivative)
+                   ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     w->came_along = 0;
-    if (w->is_recursive && !w->uses_matrix && close_by_recursion(r, w, t, y, enough, wants_derivative))
+    if (w->is_recursive && !w->uses_matrix && close_by_recursion(r, w, t, y, enough, yd))
         return NCGEN_OK;
     if (is_repeated_first(r, precise))
         return NCGEN_NOT_CONVERGED;
     ncgen_copy(2 * r->n, y, r->qd);
     const long steps = r->statistics->newton_steps;
-    w->came_along = 0;
     w->moved_at_once = -1;
     int status = factors_are_near ? NCGEN_OK : refresh(r, t);
     if (status == NCGEN_OK)
@@ -279,7 +281,7 @@ int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n, has_factors = w->is_factored && !ncgen_constrained_is_dense(r) && !precise;
-    const int status = project(r, t, y, has_factors, 0, precise, yd != NULL);
+    const int status = project(r, t, y, has_factors, 0, precise, yd);
     w->has_phi_q = status == NCGEN_OK && w->is_factored;
     if (status != NCGEN_OK)
         return status;
@@ -304,7 +306,7 @@ int ncgen_projected_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
         ncgen_copy(2 * r->n, y, r->qd);
         return NCGEN_OK;
     }
-    const int status = project(r, t, y, 0, r->options->rtol, 1, 0); /* what is looked at is not gone on from */
+    const int status = project(r, t, y, 0, r->options->rtol, 1, NULL); /* what is looked at is not gone on from */
     if (status == NCGEN_OK)
         ncgen_copy(2 * r->n, r->qd, y);
     return status;

@@ -198,7 +198,7 @@ static int estimate(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sc
                     ncgen_real *error)
 {
     int status = NCGEN_OK;
-    const ncgen_real *derivative = w->stage_derivatives;
+    const ncgen_real *derivative = w->stage_derivatives[0];
     for (int again = 0; again < 2; ++again) {
         for (int i = 0; i < r->error_size; ++i) {
             ncgen_real sum = 0;
@@ -234,10 +234,10 @@ static ncgen_real step_factor(const ncgen_implicit *m, ncgen_scalar h, ncgen_rea
 /* A converged step whose error is small enough becomes the state. */
 static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
 {
-    const int status = ncgen_end_derivative(r, t + h, w->new_y, 0, w->stage_derivatives + r->ny);
+    const int status = ncgen_end_derivative(r, t + h, w->new_y, 0, w->stage_derivatives[1]);
     if (status != NCGEN_OK)
         return status;
-    if (!ncgen_is_finite(r->ny, w->new_y) || !ncgen_is_finite(r->ny, w->stage_derivatives + r->ny))
+    if (!ncgen_is_finite(r->ny, w->new_y) || !ncgen_is_finite(r->ny, w->stage_derivatives[1]))
         return NCGEN_DOMAIN;
     for (int k = 0; k < 3; ++k)
         for (int i = 0; i < r->ny; ++i) {
@@ -249,7 +249,7 @@ static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sc
     return NCGEN_OK;
 }
 
-/* The derivative in w->stage_derivatives is one without steps before it. */
+/* The derivative in w->stage_derivatives[0] is one without steps before it. */
 static int begin_anew(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t)
 {
     const int status = ncgen_implicit_jacobian(r, m, t, r->y);
@@ -267,7 +267,7 @@ static int begin_run(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_s
     const ncgen_scalar end = r->times[r->n_times - 1];
     int status = ncgen_implicit_begin(r, w, m);
     if (status == NCGEN_OK && ncgen_cross_break(r, t, end))
-        status = r->derivative(r, *t, r->y, w->stage_derivatives);
+        status = r->derivative(r, *t, r->y, w->stage_derivatives[0]);
     if (status != NCGEN_OK)
         return status;
     *h = ncgen_first_step(r, w, ORDER, *t, end - *t);
@@ -296,7 +296,7 @@ static int step_over_break(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, n
     (void)ncgen_cross_break(r, t, end);
     if (!(*t < end))
         return NCGEN_OK;
-    const int status = r->derivative(r, *t, r->y, w->stage_derivatives);
+    const int status = r->derivative(r, *t, r->y, w->stage_derivatives[0]);
     return status == NCGEN_OK ? begin_anew(r, m, *t) : status;
 }
 
@@ -310,7 +310,7 @@ static int renew(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scala
 {
     const int is_new = m->iterations > 2 && m->rate > (m->is_reduced ? costly_rate : usual_rate);
     int status = NCGEN_OK;
-    ncgen_copy(r->ny, w->stage_derivatives + r->ny, w->stage_derivatives);
+    ncgen_begin_at_stage(w, 1);
     if (is_new) {
         status = ncgen_implicit_jacobian(r, m, t, r->y);
         m->is_current = 1;

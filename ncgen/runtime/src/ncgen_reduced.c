@@ -44,7 +44,7 @@ static void find_allowed(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t)
     ncgen_real *given = w->state, *allowed = w->rates, *driven = w->base;
     unsigned seed = 1;
     for (int i = 0; i < n; ++i)
-        given[i] = driven[i] = 0;
+        given[i] = driven[n + i] = 0;
     if (r->model->nu)
         ncgen_recursive_velocities(r, t, w->q, given, driven);
     for (int k = 0; k < w->count; ++k) {
@@ -52,7 +52,7 @@ static void find_allowed(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t)
             given[i] = ncgen_next_random(&seed) * sizes[i];
         ncgen_recursive_velocities(r, t, w->q, given, allowed);
         for (int i = 0; i < n; ++i)
-            w->basis[k * n + i] = allowed[i] - driven[i];
+            w->basis[k * n + i] = allowed[n + i] - driven[n + i];
     }
 }
 
@@ -125,7 +125,7 @@ void ncgen_reduced_measure(ncgen_run *r, const ncgen_reduced *w, const ncgen_rea
     }
     ncgen_recursive_derivative(r, w->t, w->q, velocities, seen);
     for (int k = 0; k < w->count; ++k)
-        chosen[k] = seen[w->chosen[k]] - w->driven[k];
+        chosen[k] = seen[r->n + w->chosen[k]] - w->driven[k];
 }
 
 void ncgen_reduced_measure_positions(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *change, ncgen_real *chosen)

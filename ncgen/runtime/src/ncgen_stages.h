@@ -5,10 +5,7 @@
 #include "ncgen_inside.h"
 #include "ncgen_tableaus.h"
 
-static inline ncgen_real *ncgen_stage_derivative(const ncgen_run *r, const ncgen_stepping *w, int stage)
-{
-    return w->stage_derivatives + (size_t)stage * (size_t)r->ny;
-}
+typedef char ncgen_there_are_enough_stages[(int)WIDTH <= (int)NCGEN_MOST_STAGES ? 1 : -1];
 
 /* sum = sum over the stages of weight times derivative, in their order. */
 void ncgen_combine_stages(const ncgen_run *r, const ncgen_stepping *w, int stages, const ncgen_scalar *weights,

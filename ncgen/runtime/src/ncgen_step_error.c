@@ -57,14 +57,14 @@ ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_
 {
     const int count = r->error_size - 1;
     const ncgen_real d0 = NCGEN_SQRT(mean_square(r, count, r->y, r->y, r->y));
-    const ncgen_real d1 = NCGEN_SQRT(mean_square(r, count, ncgen_stage_derivative(r, w, 0), r->y, r->y));
+    const ncgen_real d1 = NCGEN_SQRT(mean_square(r, count, w->stage_derivatives[0], r->y, r->y));
     const ncgen_real guess = ncgen_first_guess(d0, d1, span);
     for (int i = 0; i < r->ny; ++i)
-        w->new_y[i] = r->y[i] + guess * ncgen_stage_derivative(r, w, 0)[i];
-    if (r->derivative(r, t + guess, w->new_y, ncgen_stage_derivative(r, w, 1)) != NCGEN_OK)
+        w->new_y[i] = r->y[i] + guess * w->stage_derivatives[0][i];
+    if (r->derivative(r, t + guess, w->new_y, w->stage_derivatives[1]) != NCGEN_OK)
         return guess * R(0.01);
     for (int i = 0; i < r->ny; ++i)
-        w->at[i] = ncgen_stage_derivative(r, w, 1)[i] - ncgen_stage_derivative(r, w, 0)[i];
+        w->at[i] = w->stage_derivatives[1][i] - w->stage_derivatives[0][i];
     const ncgen_real d2 = NCGEN_SQRT(mean_square(r, count, w->at, r->y, r->y)) / guess;
     return ncgen_better_guess(guess, d1, d2, order, span);
 }

@@ -16,16 +16,6 @@ static inline ncgen_real ncgen_at_most(ncgen_real x, ncgen_real limit)
     return ncgen_select(x > limit, limit, x);
 }
 
-/* sum = sum over the stages of weight times derivative, which stand one after the other. */
-static inline void ncgen_sum_stages(int size, int stages, const ncgen_scalar *weights, const ncgen_real *derivatives, ncgen_real *sum)
-{
-    for (int i = 0; i < size; ++i)
-        sum[i] = NCGEN_SPLAT((ncgen_scalar)0);
-    for (int j = 0; j < stages; ++j)
-        for (int i = 0; i < size && (weights[j] < 0 || weights[j] > 0); ++i)
-            sum[i] += weights[j] * derivatives[j * size + i];
-}
-
 /* The error of a step of length h, of two estimates over h, squared: the second one, of low order, damps the first. */
 static inline ncgen_real ncgen_damped_error(ncgen_real h, ncgen_real first, ncgen_real second)
 {

@@ -87,7 +87,7 @@ static int step_through(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, nc
     const ncgen_scalar count = ncgen_step_count(r, end - start), h = (end - start) / count;
     int status = count > 0 && start + h > start && end - h < end ? NCGEN_OK : NCGEN_ARGUMENT;
     for (ncgen_scalar i = 0; i < count && status == NCGEN_OK && !r->statistics->stopped; i += 1) {
-        w->new_y[2 * r->n] = 0;
+        w->new_y[2 * r->n] = w->new_y[2 * r->n + 1] = 0;
         status = stepper_of(r)(r, w, c, start + i * h, h);
         ncgen_copy(r->n, r->qd, w->new_y);
         ncgen_copy(r->n, r->q, w->new_y + r->n);

@@ -37,7 +37,7 @@ enum { DECAY_EVALUATIONS = 3 };
 static int is_limited_by_stability(const ncgen_run *r, const ncgen_stepping *w, const tableau *method, ncgen_scalar h, int *tiny)
 {
     const int last = method->stages;
-    const ncgen_real *first = ncgen_stage_derivative(r, w, last - 1), *second = ncgen_stage_derivative(r, w, last);
+    const ncgen_real *first = w->stage_derivatives[last - 1], *second = w->stage_derivatives[last];
     const ncgen_scalar needed = NCGEN_POW(r->options->rtol, 1 / (ncgen_scalar)(method->order + 1));
     ncgen_real stage_derivatives = 0, states = 0, rates = 0, sizes = 0;
     *tiny = 0;
@@ -98,7 +98,7 @@ static ncgen_real rate_of_motion(ncgen_run *r, ncgen_stepping *w, ncgen_real *ra
 /* x: the change of accelerations where velocities change along x; the return value is how many times as large it is, 0 where it is not known. */
 static ncgen_real move_on(ncgen_run *r, ncgen_stepping *w, ncgen_real *x, ncgen_real *rates)
 {
-    const ncgen_real *base = ncgen_stage_derivative(r, w, 0), size = ncgen_constrained_size(r, x), speed = ncgen_constrained_size(r, r->y);
+    const ncgen_real *base = w->stage_derivatives[0], size = ncgen_constrained_size(r, x), speed = ncgen_constrained_size(r, r->y);
     const ncgen_real length = NCGEN_SQRT(r->rounding) * (1 + speed) / size;
     if (!(size > 0))
         return 0;
@@ -117,7 +117,7 @@ static ncgen_real move_on(ncgen_run *r, ncgen_stepping *w, ncgen_real *x, ncgen_
 static int decays_fast(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 {
     const ncgen_scalar needed = NCGEN_POW(r->options->rtol, 1 / (ncgen_scalar)(method->order + 1));
-    ncgen_real *rates = ncgen_stage_derivative(r, w, 1), *x = ncgen_stage_derivative(r, w, 2), decay = 0;
+    ncgen_real *rates = w->stage_derivatives[1], *x = w->stage_derivatives[2], decay = 0;
     unsigned seed = 1;
     for (int i = 0; i < r->n; ++i)
         x[i] = ncgen_next_random(&seed) * r->dynamics->column_sizes[i];

@@ -6,7 +6,7 @@ enum { LIMIT = 10 };
 static int interpolate_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
 {
     (void)t;
-    ncgen_interpolate_cubic(r, w, w->stage_derivatives, w->stage_derivatives + r->ny, h, s);
+    ncgen_interpolate_cubic(r, w, w->stage_derivatives[0], w->stage_derivatives[1], h, s);
     return NCGEN_OK;
 }
 
@@ -16,7 +16,7 @@ static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncg
     const ncgen_scalar enough = 500 * r->rounding;
     ncgen_real before = R(1.0e30), least = 0;
     for (int i = 0; i < r->ny; ++i)
-        w->new_y[i] = r->y[i] + h * w->stage_derivatives[i];
+        w->new_y[i] = r->y[i] + h * w->stage_derivatives[0][i];
     for (int pass = 0; pass < LIMIT; ++pass) {
         int status = ncgen_report_attempt(r, t + h);
         if (status == NCGEN_OK)
@@ -24,7 +24,7 @@ static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncg
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < r->error_size; ++i)
-            m->right[i] = 2 / h * (r->y[i] - w->new_y[i]) + w->stage_derivatives[i] + m->derivatives[i];
+            m->right[i] = 2 / h * (r->y[i] - w->new_y[i]) + w->stage_derivatives[0][i] + m->derivatives[i];
         ncgen_shifted_solve(r, m, &m->real, m->right, m->change);
         ncgen_real size = 0;
         least = 1;
@@ -54,7 +54,7 @@ static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, 
         status = correct_fixed(r, w, m, t, h);
     if (status != NCGEN_OK && status != NCGEN_INTERRUPTED) {
         for (int i = 0; i < r->ny; ++i)
-            w->new_y[i] = r->y[i] + h * w->stage_derivatives[i];
+            w->new_y[i] = r->y[i] + h * w->stage_derivatives[0][i];
         status = ncgen_implicit_jacobian(r, m, t + h, w->new_y);
         if (status == NCGEN_OK)
             status = ncgen_shifted_factor(m, &m->real, 1, 2 / h, 0);
@@ -64,8 +64,8 @@ static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, 
             status = correct_fixed(r, w, m, t, h);
     }
     if (status == NCGEN_OK)
-        status = ncgen_end_derivative(r, t + h, w->new_y, 0, w->stage_derivatives + r->ny);
-    if (status == NCGEN_OK && !(ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, w->stage_derivatives + r->ny)))
+        status = ncgen_end_derivative(r, t + h, w->new_y, 0, w->stage_derivatives[1]);
+    if (status == NCGEN_OK && !(ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, w->stage_derivatives[1])))
         status = NCGEN_DOMAIN;
     return status;
 }
@@ -81,7 +81,7 @@ int ncgen_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     m->last_step = 0;
     if (!(ncgen_step_count(r, end - t) > 0))
         return NCGEN_ARGUMENT;
-    if (ncgen_cross_break(r, &t, end) && (begun = r->derivative(r, t, r->y, w->stage_derivatives)) != NCGEN_OK)
+    if (ncgen_cross_break(r, &t, end) && (begun = r->derivative(r, t, r->y, w->stage_derivatives[0])) != NCGEN_OK)
         return begun;
     while (t < end) {
         const ncgen_scalar goal = ncgen_next_goal(r, t, end);
@@ -95,11 +95,11 @@ int ncgen_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         status = ncgen_grid_step(r, w, t, t_new);
         if (status != NCGEN_OK || r->statistics->stopped)
             return status;
-        ncgen_copy(r->ny, w->stage_derivatives + r->ny, w->stage_derivatives);
+        ncgen_begin_at_stage(w, 1);
         t = t_new;
         if (last)
             (void)ncgen_cross_break(r, &t, end);
-        if (last && t < end && (status = r->derivative(r, t, r->y, w->stage_derivatives)) != NCGEN_OK)
+        if (last && t < end && (status = r->derivative(r, t, r->y, w->stage_derivatives[0])) != NCGEN_OK)
             return status;
     }
     return NCGEN_OK;

@@ -183,10 +183,10 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
 {
     const ncgen_tree *tree = w->tree;
     const int n = r->n;
-    ncgen_real *qdd = out + n + 1, *power = qdd + n;
+    ncgen_real *qdd = out, *allowed = out + n, *power = allowed + n, *growth = power + 1;
     ncgen_tree_mass_at(r, w, t, q);
-    int is_regular = go_outward(r, w, q, qd, out, 1) == NCGEN_OK;
-    if (ncgen_forces(r, t, q, out, w->force) != NCGEN_OK)
+    int is_regular = go_outward(r, w, q, qd, allowed, 1) == NCGEN_OK;
+    if (ncgen_forces(r, t, q, allowed, w->force) != NCGEN_OK)
         is_regular = 0;
     if (!ncgen_has_pairs_alone(w))
         ncgen_tree_push_singles(w);
@@ -197,10 +197,10 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     ncgen_tree_measure_pushes(w);
     ncgen_tree_take(r, w, qdd);
     if (tree->n_closing)
-        is_regular &= ncgen_gamma(r, t, q, out, w->gamma) == NCGEN_OK && ncgen_tree_close_loops(r, w, t, w->gamma, qdd);
-    if (ncgen_power(r, t, q, out, power) != NCGEN_OK)
+        is_regular &= ncgen_gamma(r, t, q, allowed, w->gamma) == NCGEN_OK && ncgen_tree_close_loops(r, w, t, w->gamma, qdd);
+    if (ncgen_power(r, t, q, allowed, power) != NCGEN_OK)
         is_regular = 0;
-    out[n] = growth_of(w, is_regular && ncgen_is_finite(n, out) && ncgen_is_finite(n, qdd));
+    *growth = growth_of(w, is_regular && ncgen_is_finite(2 * n, out));
 }
 
 /* Momenta and pivots where nothing acts; 0 where a joint moves nothing. */
@@ -234,17 +234,18 @@ static void respond_to_bias(const ncgen_run *r, ncgen_tree_work *w, ncgen_real *
 void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
 {
     const int n = r->n, closes_loops = w->tree->n_closing > 0;
+    ncgen_real *allowed = out + n, *growth = allowed + n + 1;
     ncgen_tree_mass_at(r, w, t, q);
-    int is_regular = go_outward(r, w, q, qd, out, 0) == NCGEN_OK;
+    int is_regular = go_outward(r, w, q, qd, allowed, 0) == NCGEN_OK;
     is_regular &= factor(r, w);
     if (closes_loops)
-        is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
+        is_regular &= ncgen_tree_close_loops(r, w, t, NULL, allowed);
     for (int i = 0; i < n; ++i)
-        w->bias[i] = qd[i] - out[i];
-    respond_to_bias(r, w, out);
+        w->bias[i] = qd[i] - allowed[i];
+    respond_to_bias(r, w, allowed);
     if (closes_loops)
-        is_regular &= ncgen_tree_close_loops(r, w, t, NULL, out);
-    out[n] = growth_of(w, is_regular && ncgen_is_finite(n, out));
+        is_regular &= ncgen_tree_close_loops(r, w, t, NULL, allowed);
+    *growth = growth_of(w, is_regular && ncgen_is_finite(n, allowed));
 }
 
 static inline void add_screws(const ncgen_tree_link *own, const ncgen_tree_screw *screws, ncgen_real *twist)

@@ -87,7 +87,7 @@ static void lay_out_loops(ncgen_run *r, ncgen_tree_work *w)
     w->own = ncgen_take(&r->space, count);
     w->missing = ncgen_take(&r->space, count);
     w->still = ncgen_take(&r->space, r->n);
-    w->room = ncgen_take(&r->space, r->n + 1);
+    w->room = ncgen_take(&r->space, 2 * r->n + 2);
     w->order = (int *)take_records(&r->space, count, sizeof(ncgen_real));
 }
 

@@ -102,7 +102,7 @@ typedef struct ncgen_tree_work {
     ncgen_real *square, *own;    /* n_opposed squared: the matrix of their products with rows, factored; its diagonal before, then multipliers */
     ncgen_real *missing;         /* n_opposed: of the rows */
     ncgen_real *gamma;           /* n_rows: of accelerations, or of positions */
-    ncgen_real *still, *room;    /* n, n + 1 */
+    ncgen_real *still, *room;    /* n, 2 n + 2 */
     int *order;                  /* n_opposed: in which rows are eliminated */
     ncgen_link_lanes *turns;     /* 12 a block: columns of rotations since then, and reference points */
 } ncgen_tree_work;

@@ -56,9 +56,17 @@ int ncgen_is_finite(int count, const ncgen_real *x)
     for (; i + TOGETHER <= count; i += TOGETHER)
         for (int k = 0; k < TOGETHER; ++k)
             sums[k] += x[i + k];
+    if (i > 0 && i < count) { /* some twice, which are finite then as well */
+        const ncgen_real *last = x + count - TOGETHER;
+        for (int k = 0; k < TOGETHER; ++k)
+            sums[k] += last[k];
+        i = count;
+    }
+    for (int k = 0; k < TOGETHER / 2; ++k)
+        sums[k] += sums[k + TOGETHER / 2];
+    for (int k = 0; k < TOGETHER / 2; ++k)
+        sum += sums[k];
     for (; i < count; ++i)
         sum += x[i];
-    for (int k = 0; k < TOGETHER; ++k)
-        sum += sums[k];
     return sum - sum >= 0;
 }

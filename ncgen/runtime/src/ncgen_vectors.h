@@ -7,13 +7,11 @@
 /* A literal of the number type, with the digits of the longest type that C99 has. */
 #define R(x) ((ncgen_scalar)(x##L))
 
-/* Before an inner loop of few runs: it becomes vectors of the processor, and is not unrolled; before a long one: it is unrolled. */
+/* Before an inner loop of few runs: it becomes vectors of the processor, and is not unrolled. */
 #if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 8
 #define NCGEN_VECTORISED _Pragma("GCC unroll 1")
-#define NCGEN_UNROLLED _Pragma("GCC unroll 4")
 #else
 #define NCGEN_VECTORISED
-#define NCGEN_UNROLLED
 #endif
 
 ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b);
