@@ -51,6 +51,15 @@ class ImpactInC:
     count: int
 
 
+def are_coupled(G: np.ndarray, blows: list[Blow]) -> bool:
+    """Whether an impulse of one contact changes a velocity of another one. G (r, r): responses of velocities to impulses"""
+    ffi, library = interface_of("double"), runtime_of("double", "events")
+    numbers = {"G": np.ascontiguousarray(G), "coefficients": np.array([each[3:] for each in blows])}
+    integers = np.array([each[:3] for each in blows], dtype=np.intc)
+    members = {name: pointer(ffi, array) for name, array in numbers.items()} | {"places": pointer(ffi, integers, "int[]")}
+    return bool(library.ncgen_are_coupled(ffi.new("ncgen_impact *", {"count": len(blows), "rows": len(G)} | members)))
+
+
 def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, terms: np.ndarray, energy: float) -> ImpactInC:
     """The impact of contacts whose gaps are closed; nothing happens unless one closes.
 

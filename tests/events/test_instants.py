@@ -168,11 +168,15 @@ STRUCTURES = {
 }
 
 
+@pytest.mark.parametrize("order", ["simultaneous", pytest.param("", id="no order")])
 @pytest.mark.parametrize("structure", list(STRUCTURES))
-def test_discs_by_chance(structure):
-    """Angles and velocities at the end, with stops that differ by rounding; some discs turn as one, some hit their stops at one instant."""
+def test_discs_by_chance(structure, order):
+    """Angles and velocities at the end, with stops that differ by rounding; some discs turn as one, some hit their stops at one instant.
+
+    Stops that ratchets alone couple need no order.
+    """
     count, stops, ratchets = STRUCTURES[structure]
-    rng, kernels = np.random.default_rng(11), ncgen.compile(discs(stops, ratchets, count=count)[0])
+    rng, kernels = np.random.default_rng(11), ncgen.compile(discs(stops, ratchets, order, count=count)[0])
     for number in range(12):
         inertias, w, e = rng.uniform(0.5, 4.0, count), rng.uniform(-2.0, 4.0, count), float(rng.choice([0.0, 0.3, 0.7]))
         w = np.full(count, abs(w[0])) if number % 4 == 0 else w

@@ -255,16 +255,26 @@ static ncgen_impact impact_of(ncgen_instant *i, int law)
     return impact;
 }
 
+/* Gaps need no law that ratchets alone couple, which have no other law than to be hit together: only those that do not open are taken then. */
+static int choose_law(ncgen_instant *i, ncgen_impact *impact, const int *due, int *wanted)
+{
+    const int status = impact->count > 1 ? find_responses(i, impact) : NCGEN_OK;
+    if (status != NCGEN_OK || (impact->count > 1 && ncgen_are_coupled(impact)))
+        return status;
+    *impact = impact_of(i, NCGEN_SIMULTANEOUS);
+    return take_gaps(i, impact, due, wanted);
+}
+
 /* What closes is hit, with all that touches and does not open; due: as of take_gaps. *hit: whether something closes */
 static int hit_closing(ncgen_instant *i, const int *due, int *hit)
 {
     ncgen_impact impact = impact_of(i, i->events->law);
     int wanted = 0, status = take_gaps(i, &impact, due, &wanted);
     *hit = 0;
+    if (status == NCGEN_OK && wanted && impact.law == NCGEN_NO_LAW)
+        status = choose_law(i, &impact, due, &wanted);
     if (status != NCGEN_OK || !wanted)
         return status;
-    if (impact.count == 1 && impact.law == NCGEN_NO_LAW)
-        impact.law = NCGEN_SIMULTANEOUS; /* ratchets have no other law */
     status = take_ratchets(i, &impact, 0);
     if (status == NCGEN_OK)
         status = blow(i, &impact);

@@ -15,8 +15,7 @@ static const ncgen_real *row_of(const ncgen_impact *i, int row)
     return i->G + row * i->rows;
 }
 
-/* Does an impulse of one contact change a velocity of another one? */
-static int are_coupled(const ncgen_impact *i)
+int ncgen_are_coupled(const ncgen_impact *i)
 {
     for (int a = 0; a < i->count; ++a)
         for (int b = 0; b < i->count; ++b)
@@ -150,7 +149,7 @@ int ncgen_impact_of_gaps(ncgen_impact *i)
     i->closes = fastest(i) >= 0;
     if (!i->closes)
         return NCGEN_OK;
-    if (i->law == NCGEN_NO_LAW && are_coupled(i))
+    if (i->law == NCGEN_NO_LAW && ncgen_are_coupled(i))
         return NCGEN_NO_ORDER;
     const int status = i->law == NCGEN_IN_TURN ? hit_in_turn(i, &l, first, impulses) : hit_together(i, &l, first, impulses);
     return status == NCGEN_OK ? finish(i) : status;

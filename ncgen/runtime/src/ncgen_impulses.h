@@ -39,6 +39,9 @@ typedef struct ncgen_impact {
 
 size_t ncgen_impact_workspace(int rows);
 
+/* Does an impulse of one contact change a velocity of another one? Else laws do not differ. It reads the members up to G. */
+int ncgen_are_coupled(const ncgen_impact *impact);
+
 /* The impact of contacts whose gaps are closed; nothing happens unless one closes. NCGEN_SINGULAR: no impulse changes a gap;
  * NCGEN_NO_ORDER: laws differ, and the order is not given; NCGEN_NO_IMPULSES: none obey the laws; NCGEN_GAIN: they would give energy;
  * NCGEN_ENDLESS: impacts in turn do not end. */

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, NcgenError, SingularError
+from ncgen.mechanism import impacts_in_c
 from ncgen.mechanism.impacts_in_c import LAWS, Blow, ImpactInC, impact
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.mobility import response
@@ -77,6 +78,14 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     if not solved.turns:
         turns = [(tuple(np.flatnonzero(impulses > 0).tolist()), qd)]
     return Hit(qd=qd, impulses=impulses, sticks=solved.sticks, lost=solved.lost, turns=tuple(turns))
+
+
+def are_coupled(kernels: Kernels, at: State, gaps: Sequence[Gap]) -> bool:
+    """Whether an impulse of one gap changes how another one does, without ratchets, so that laws of impact differ."""
+    if len(gaps) < 2:
+        return False
+    W, _, blows = rows_of(gaps)
+    return impacts_in_c.are_coupled(W @ response(kernels, at, W), blows)
 
 
 def _stopped(at: State, qd: np.ndarray, sizes: np.ndarray, in_turn: bool) -> np.ndarray:

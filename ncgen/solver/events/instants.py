@@ -17,7 +17,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call, Locking, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.impacts import Gap, Hit, hit_gaps
+from ncgen.solver.events.impacts import Gap, Hit, are_coupled, hit_gaps
 from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.state import Done, State
 from ncgen.solver.formalisms.projection import project_velocity
@@ -194,7 +194,7 @@ class Instant:
         if not any(k in due for k in closed) and not self._backward(closed):
             return False
         orders = {functions.events[k].impact.order for k in closed} - {""}  # type: ignore[union-attr]
-        if len(closed) == 1 and not orders:
+        if len(orders) != 1 and not are_coupled(functions.mode(self.at), self.at, gaps_of(functions, self.at, closed)):
             orders = {"simultaneous"}  # ratchets have no other law
         gaps = [k for k in closed if orders != {"simultaneous"} or not self._moves(k, 1)]
         ratchets = self._movable([k for k in functions.ratchets if not self._moves(k, 1)])
