@@ -173,7 +173,7 @@ static ncgen_real next_breaks(ncgen_block *r, ncgen_real t, double end)
 
 /* Lanes of those that have taken a step of h to t_new in which Radau would serve better from here on; r->y is still where it began. Every
  * lane is looked at after steps of its own, so that it does not depend on the others. */
-static ncgen_mask found_stiff(ncgen_block *r, const tableau *method, ncgen_mask lanes, ncgen_real h, ncgen_real t_new)
+static ncgen_mask stiff_lanes(ncgen_block *r, const tableau *method, ncgen_mask lanes, ncgen_real h, ncgen_real t_new)
 {
     const double stop = r->to.times[r->to.n_times - 1], cost = ncgen_implicit_cost(r->nz);
     const int last = method->stages;
@@ -225,7 +225,7 @@ static void run_adaptive(ncgen_block *r, const tableau *method)
         const ncgen_real t_new = ncgen_select(last, goal, t + h);
         if (ncgen_any(accepted)) {
             const ncgen_mask bad = degraded(r, accepted) & (t_new < stop), full = accepted & ~(h < wanted); /* one that is cut short does not count */
-            const ncgen_mask stiff = r->options->stop_when_stiff ? found_stiff(r, method, full, h, t_new) : (ncgen_mask){0};
+            const ncgen_mask stiff = r->options->stop_when_stiff ? stiff_lanes(r, method, full, h, t_new) : (ncgen_mask){0};
             accept_step(r, method, accepted, t, h, t_new);
             ncgen_block_end(r, stiff, NCGEN_STIFF);
             ncgen_block_end(r, bad, NCGEN_PIVOT);
