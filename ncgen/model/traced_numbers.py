@@ -109,7 +109,9 @@ ROUNDING = 4 * sys.float_info.epsilon
 
 def unit_near(number: float) -> float | None:
     """0 where a number is 0, 1 or −1 where it is that but for rounding, else None."""
-    return next((unit for unit in (0.0, 1.0, -1.0) if abs(number - unit) <= (ROUNDING if unit else 0.0)), None)
+    if number == 0.0:
+        return 0.0
+    return math.copysign(1.0, number) if abs(abs(number) - 1.0) <= ROUNDING else None
 
 
 def folded(value: SupportsFloat) -> float:

@@ -46,9 +46,6 @@ MAX_TRIES = 16
 PROGRESS_INTERVAL = 0.02
 """The least share of variants after which somebody is told."""
 
-IN_LANES = "dopri5"
-"""What runs in lanes where the integrator is left open."""
-
 ARGUMENTS_NOT_IN_LANES = ("stop", "inputs", "qd0", "options", "closing")
 """Arguments of `simulate` that lanes do not take."""
 
@@ -177,8 +174,6 @@ class Bench:
 
     def _run_in_lanes(self) -> tuple[Run, Method]:
         arguments = dict(self.study.simulation, formalism="coordinate-partitioning")
-        if self.study.left_open:
-            arguments["integrator"] = IN_LANES
         run = Run.from_arguments(self.study.model, **arguments, points=self.study.grid)
         method = in_lanes(self.kernels, run)
         if not method.integrator.in_lanes:

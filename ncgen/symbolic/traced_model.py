@@ -115,10 +115,21 @@ class _Walk:
         kind = value.__class__
         if kind is float:
             return self._float(value)
-        if kind is str or value is None or isinstance(value, (bool, str, int, np.integer)):
+        if kind is str or kind is bool or value is None:
             self.words.append(repr(value))
             return value
-        if kind in (tuple, list, dict) or isinstance(value, (list, tuple, dict)):
+        if kind in (tuple, list, dict):
+            return self._collection(value)
+        if hasattr(kind, FIELDS) and kind is not RowType:
+            return self._object(value)
+        return self._rare(value)
+
+    def _rare(self, value: Any) -> Any:
+        """A copy of what is none of what most values are. Raises TypeError for what has no name and no value."""
+        if isinstance(value, (bool, str, int, np.integer)):
+            self.words.append(repr(value))
+            return value
+        if isinstance(value, (list, tuple, dict)):
             return self._collection(value)
         if isinstance(value, (float, np.floating)):
             return self._float(float(value))
@@ -129,8 +140,6 @@ class _Walk:
             self.words.append(str(value.shape))
             self._copy(value.ravel().tolist() if value.dtype != object else list(value.flat))
             return value
-        if hasattr(kind, FIELDS):
-            return self._object(value)
         if is_symbolic(value):
             import sympy
 

@@ -10,18 +10,20 @@ import ncgen
 from ncgen.solver.engines import compiled
 
 
-def damped_chain(damping: float) -> ncgen.Kernels:
-    """Three light rods with dampers at their hinges; the end falls onto a stop and comes to rest there."""
+def damped_chain(damping: float, stops: bool = True) -> ncgen.Kernels:
+    """Three light rods with dampers at their hinges; the end falls onto a stop, if there is one, and comes to rest there."""
     m = ncgen.Model("chain")
     x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    strength = m.parameter("damping", damping)
     before, along = m.point("P0", (0, 0, 0), fixed=True), x
     for i in range(1, 4):
         end = m.point(f"P{i}", (0.3 * i, 0, 0), fixed="z")
         m.body(f"rod{i}", [before, end], mass=0.05 * i, inertia="rod")
-        m.torsion_spring(m.angle(f"phi{i}", along, end - before, z), damping=damping)
+        m.torsion_spring(m.angle(f"phi{i}", along, end - before, z), damping=strength)
         before, along = end, end - before
     m.gravity((0, -9.81, 0))
-    m.stop("P3.y", lower=-0.02, restitution=0.5)
+    if stops:
+        m.stop("P3.y", lower=-0.02, restitution=0.5)
     return ncgen.compile(m)
 
 
@@ -74,3 +76,16 @@ def test_a_run_that_c_does_not_carry_on_is_not_moved_without_its_events(monkeypa
     monkeypatch.setattr(compiled, "run_constrained", interrupted)
     with pytest.raises(ncgen.ConvergenceError, match=r"ball: the run in C stopped at t = 0.6 s \(pivot\), and events need C; take smaller"):
         ncgen.simulate(ncgen.compile(ball()), 0.8)
+
+
+@pytest.mark.parametrize("stops", [True, False])
+def test_stiff_states_of_a_batch_are_what_they_are_alone(stops):
+    """Others stay with the batch, and have the same bits in a batch of their own; so does everything whose integrator is named."""
+    kernels, damping = damped_chain(3.0, stops), np.array([[3.0], [1e-3], [3.0], [1e-3]])
+    batch, few = (ncgen.simulate(kernels, 2.0, rtol=1e-6, p=p) for p in (damping, damping[1::2]))
+    named = ncgen.simulate(kernels, 0.1, rtol=1e-6, p=damping, integrator="dopri5")
+    assert batch.ok.all() and batch.alone.tolist() == [True, False, True, False] and not named.alone.any()
+    assert np.array_equal(batch.q[1::2], few.q) and not few.alone.any()
+    alone = ncgen.simulate(kernels, 2.0, rtol=1e-6, p=damping[0], points=2)
+    assert alone.made_with == "lagrange with radau, emitted: dop853 found the mechanism stiff"
+    assert np.array_equal(batch.q[0, -1], alone.q[-1]) and batch.steps[0] < 1000

@@ -41,9 +41,12 @@ class TreeVelocities:
         self.screws = [screw for link in tree.links for screw in link.screws]
         self.own = tree.rates
         self.components = [self._components(element) for element in self.elements]
+        self._positions = np.array(self.components, dtype=int).reshape(-1, 3)
         self.is_point = np.array([isinstance(element, Point) for element in self.elements], dtype=bool)
         self.references = [self._components(self._reference(number)) for number in range(len(tree.links))]
+        self._origins = np.array(self.references)
         self.terms = [self._terms(screw) for screw in self.screws]
+        self._axes = self._padded_terms()
         self._levels = self._by_level()
         self.measured: dict[int, tuple[int, float]] = {}
 
@@ -67,6 +70,12 @@ class TreeVelocities:
         if not all(is_number(weight) for weight, _ in screw.axis.terms):
             raise NoTables("an axis has parameters")
         return [(float(weight), self._components(element)) for weight, element in screw.axis.terms]
+
+    def _padded_terms(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """The first term of every axis, the second and so on: weights (screws, 1), 0 where there is none, and coordinates (screws, 3)."""
+        most = max(map(len, self.terms), default=0)
+        padded = [[*terms, *[(0.0, [0, 0, 0])] * (most - len(terms))] for terms in self.terms]
+        return [(np.array([[w] for w, _ in each]), np.array([c for _, c in each])) for each in zip(*padded, strict=True)]
 
     def _by_level(self) -> list[Level]:
         """The links of equal distance from the ground, which move with those before."""
@@ -93,7 +102,7 @@ class TreeVelocities:
     def velocities(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """q̇ (…, n) at rates (…, screws) of the joints, those of fixed components behind it: (…, n + fixed)."""
         qd = np.zeros((*rates.shape[:-1], self.n + len(self.fixed)))
-        qd[..., self.components] = self.carried(q, rates, np.arange(len(self.elements)), self.home)
+        qd[..., self._positions] = self.carried(q, rates, np.arange(len(self.elements)), self.home)
         for c, (k, ratio) in self.measured.items():
             qd[..., c] = ratio * rates[..., k]
         return qd
@@ -102,7 +111,7 @@ class TreeVelocities:
         """Velocities (…, elements, 3) of elements as links carry them, of each its own."""
         values, is_point = self.values(q), self.is_point[elements][:, None]
         turning, along, origins = self._twists(values, rates)
-        levers = values[np.array(self.components, dtype=int).reshape(-1, 3)[elements]] - np.where(is_point, origins[links], 0.0)
+        levers = values[self._positions[elements]] - np.where(is_point, origins[links], 0.0)
         return cross(turning[..., links, :], levers) + np.where(is_point, along[..., links, :], 0.0)
 
     def moving_together(self, q: np.ndarray, rates: np.ndarray) -> dict[tuple[int, int], bool]:
@@ -111,7 +120,7 @@ class TreeVelocities:
         elements, links = np.array([e for e, _ in both], dtype=int), [link for _, link in both]
         if not both:
             return {}
-        moved = self.velocities(q, rates)[..., np.array(self.components)[elements]]
+        moved = self.velocities(q, rates)[..., self._positions[elements]]
         gaps, apart = np.abs(self.carried(q, rates, elements, links) - moved), np.zeros(len(both), dtype=bool)
         for kind in (self.is_point[elements], ~self.is_point[elements]):
             size = np.max(np.abs(moved[:, kind]), axis=(1, 2), initial=0.0)[:, None, None]
@@ -120,8 +129,10 @@ class TreeVelocities:
 
     def _twists(self, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of every link its angular velocity and that of its reference point (…, links, 3), and where that is (links, 3)."""
-        axes = [sum((weight * values[c] for weight, c in terms), np.zeros(3)) for terms in self.terms]
-        origins = values[np.array(self.references)]
+        axes = np.zeros((len(self.terms), 3))
+        for weights, coordinates in self._axes:
+            axes += weights * values[coordinates]
+        origins = values[self._origins]
         turning, along = (np.zeros((*rates.shape[:-1], len(origins), 3)) for _ in range(2))
         for links, parents, joints in self._levels:
             if len(parents):
@@ -129,7 +140,7 @@ class TreeVelocities:
                 along[..., links, :] = along[..., parents, :] + cross(turning[..., parents, :], origins[links] - origins[parents])
             for turns, carriers, screws in joints:
                 moved = turning if turns else along
-                moved[..., carriers, :] += rates[..., screws, None] * np.array([axes[k] for k in screws])
+                moved[..., carriers, :] += rates[..., screws, None] * axes[screws]
         return turning, along, origins
 
 

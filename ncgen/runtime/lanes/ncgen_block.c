@@ -251,6 +251,7 @@ void ncgen_block_begin(ncgen_block *r, int count, const double *q, const double 
     for (int lane = 0; lane < NCGEN_LANES; ++lane) {
         r->running[lane] = lane < count ? -1 : 0;
         r->row[lane] = 0;
+        r->stiff[lane].speaking = r->stiff[lane].against = 0;
     }
     ncgen_spread(r->model->n_parameters, count, p_stride, p, r->p);
     ncgen_spread(r->n, count, r->n, q, r->start_q);

@@ -9,6 +9,7 @@
 #include "ncgen_runtime.h"
 
 #define R(x) ((ncgen_scalar)(x##L))
+#include "ncgen_step_rules.h"
 #include "ncgen_tableaus.h"
 
 #ifdef _OPENMP
@@ -61,6 +62,7 @@ typedef struct ncgen_block {
     ncgen_mask singular;     /* lanes in which it met a singular position */
     int row[NCGEN_LANES];    /* how many rows are written */
     int ahead[NCGEN_LANES];  /* the next of its breaks */
+    ncgen_stiff_steps stiff[NCGEN_LANES];
     ncgen_real *p, *q, *out; /* out = qd, zdd, power, amplification of the last evaluation */
     ncgen_real *step, *phi;  /* one behind the other: an emitted Newton step writes both */
     ncgen_real *per_size;    /* one over the rows' sizes: vectors divide slowly */

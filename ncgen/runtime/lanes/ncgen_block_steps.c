@@ -14,17 +14,9 @@ static ncgen_mask degraded(const ncgen_block *r, ncgen_mask lanes)
     return lanes & (r->out[r->n + r->nz + 1] > r->options->max_growth * r->amplification);
 }
 
-/* The square of the first components of x in units of the tolerance at y and b, a mean over all of them. */
 static ncgen_real mean_square(const ncgen_block *r, int count, const ncgen_real *x, const ncgen_real *b)
 {
-    ncgen_real sum = ncgen_splat(0.0);
-    for (int i = 0; i < count; ++i) {
-        const ncgen_real u = NCGEN_ABS(r->y[i]), v = NCGEN_ABS(b[i]);
-        const double atol = r->options->atol * (r->options->sizes ? r->options->sizes[i] : 1.0);
-        const ncgen_real scaled = x[i] / (atol + r->options->rtol * ncgen_select(u > v, u, v));
-        sum += scaled * scaled;
-    }
-    return sum / (double)r->ny;
+    return ncgen_mean_square(r->options, r->ny, count, x, r->y, b);
 }
 
 /* A first step, without work as in ncgen_step_error.c. */
@@ -179,6 +171,30 @@ static ncgen_real next_breaks(ncgen_block *r, ncgen_real t, double end)
     return goal;
 }
 
+/* Lanes of those that have taken a step of h to t_new in which Radau would serve better from here on; r->y is still where it began. Every
+ * lane is looked at after steps of its own, so that it does not depend on the others. */
+static ncgen_mask stiff_lanes(ncgen_block *r, const tableau *method, ncgen_mask lanes, ncgen_real h, ncgen_real t_new)
+{
+    const double stop = r->to.times[r->to.n_times - 1], cost = ncgen_implicit_cost(r->nz);
+    const int last = method->stages;
+    const ncgen_stage_pair pair = {h, r->y, r->new_y, r->at, r->k[last - 1], r->k[last]};
+    const ncgen_mask far = lanes & (stop - t_new > h * cost);
+    ncgen_mask due = {0}, stiff = {0};
+    ncgen_real moved;
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (far[lane] && (r->stiff[lane].speaking || (r->to.steps[lane] + 1) % NCGEN_STIFF_EVERY == 0))
+            due[lane] = -1;
+    if (!ncgen_any(due))
+        return stiff;
+    advance(r, h, last - 1, method->a[last - 1], r->at);
+    const double needed = pow(r->options->rtol, 1.0 / (method->order + 1));
+    const ncgen_mask speaks = ncgen_is_held_by_stability(r->options, r->ny - 1, &pair, needed, method->stability, &moved);
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (due[lane] && ncgen_counts_as_stiff(&r->stiff[lane], speaks[lane] != 0))
+            stiff[lane] = -1;
+    return stiff;
+}
+
 static void run_adaptive(ncgen_block *r, const tableau *method)
 {
     const double stop = r->to.times[r->to.n_times - 1], longest = r->options->max_step, span = stop - r->to.times[0];
@@ -208,8 +224,10 @@ static void run_adaptive(ncgen_block *r, const tableau *method)
 
         const ncgen_real t_new = ncgen_select(last, goal, t + h);
         if (ncgen_any(accepted)) {
-            const ncgen_mask bad = degraded(r, accepted) & (t_new < stop);
+            const ncgen_mask bad = degraded(r, accepted) & (t_new < stop), full = accepted & ~(h < wanted); /* one that is cut short does not count */
+            const ncgen_mask stiff = r->options->stop_when_stiff ? stiff_lanes(r, method, full, h, t_new) : (ncgen_mask){0};
             accept_step(r, method, accepted, t, h, t_new);
+            ncgen_block_end(r, stiff, NCGEN_STIFF);
             ncgen_block_end(r, bad, NCGEN_PIVOT);
             ncgen_block_end(r, exhausted(r), NCGEN_NOT_CONVERGED);
         }

@@ -2,7 +2,6 @@
 #include "ncgen_explicit.h"
 #include "ncgen_constrained.h"
 #include "ncgen_method.h"
-#include "ncgen_step_rules.h"
 #include "ncgen_stiffness.h"
 
 enum { REPEAT_LIMIT = 8 };
@@ -13,7 +12,7 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
     w->at = ncgen_take(&r->space, r->ny);
     ncgen_take_stages(r, w, tableaus[r->options->method].width);
     w->interpolated = 0;
-    w->repeated = w->stiff = w->not_stiff = w->tiny = 0;
+    w->repeated = w->stiff.speaking = w->stiff.against = w->tiny = 0;
 }
 
 /* The derivative of new_y, brought onto the constraints; at the end of a step the statistics get how far it was moved. */

@@ -185,7 +185,7 @@ static int find(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, int k, int
     const ncgen_real first = ncgen_sample(event, 0)[2 * k];
     place->noise = left > noise ? left : noise;
     const int has_formula = formulas && formulas->first[k] < formulas->first[k + 1];
-    const int jumps = ncgen_is_sampled(event, k) && !((p->to - p->from) * FINEST > 1); /* no polynomial is right there */
+    const int jumps = ncgen_is_sampled(event, k) && !((p->to - p->from) * (ncgen_scalar)FINEST > 1); /* no polynomial is right there */
     if (r->constrained && (has_formula || jumps)) {
         ncgen_walk walk = {event->directions[k], event->signs[k] ? event->signs[k] : (first > 0) - (first < 0), 0, 0, 0, left};
         const int status = jumps ? find_at_nodes(event, k, &walk, crossed) : find_by_formula(r, w, p, k, size, &walk, crossed);
@@ -206,7 +206,7 @@ int ncgen_conditions_begin(ncgen_run *r, ncgen_scalar t)
     const int status = ncgen_evaluate_conditions(r, t, r->q, r->qd, ncgen_sample(event, 0));
     for (int k = 0; k < event->count; ++k) {
         const ncgen_real first = ncgen_sample(event, 0)[2 * k];
-        const int happens = first * event->signs[k] < 0 && !(first * event->directions[k] < 0);
+        const int happens = first * (ncgen_real)event->signs[k] < 0 && !(first * (ncgen_real)event->directions[k] < 0);
         event->crossed[k] = 0;
         rounding_left(event)[k] = event->resumes && happens ? 2 * NCGEN_ABS(first) : 0;
     }
@@ -252,7 +252,8 @@ int ncgen_conditions_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen
     int status = NCGEN_OK, place = 0, width = FINEST;
     *happens = 0;
     while (place < FINEST && status == NCGEN_OK && !*happens) {
-        const ncgen_part p = {t, h, (ncgen_scalar)place / FINEST, (ncgen_scalar)(place + width) / FINEST};
+        const ncgen_scalar parts = FINEST;
+        const ncgen_part p = {t, h, (ncgen_scalar)place / parts, (ncgen_scalar)(place + width) / parts};
         int are_right = 1;
         status = evaluate_nodes(r, w, &p);
         if (status == NCGEN_OK && r->constrained && width > 1)

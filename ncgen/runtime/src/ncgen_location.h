@@ -3,6 +3,7 @@
 #define NCGEN_LOCATION_H
 
 #include "ncgen_state.h"
+#include "ncgen_step_rules.h"
 
 enum { NCGEN_MOST_STAGES = 24 };
 
@@ -15,7 +16,7 @@ typedef struct ncgen_stepping {
     /* at: the state at t + s h, inside a step from y to new_y */
     int (*interpolate)(ncgen_run *r, struct ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s);
     int repeated;                /* is the step taken again, since its error was too large or a stage had no derivative, or near such a one? */
-    int stiff, not_stiff;        /* steps in a row that spoke for a stiff mechanism, and against it since then */
+    ncgen_stiff_steps stiff;
     int tiny;                    /* looks in a row at steps far too short */
     ncgen_scalar mark;           /* the time at the last look at how far the steps come */
 } ncgen_stepping;

@@ -2,20 +2,9 @@
 #include "ncgen_step_error.h"
 #include "ncgen_step_rules.h"
 
-/* The square of the first components in units of what is tolerated at a and b, a mean over all of them. */
-static ncgen_real mean_square(const ncgen_run *r, int count, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
-{
-    ncgen_real sum = 0;
-    for (int i = 0; i < count; ++i) {
-        const ncgen_real scaled = x[i] / ncgen_tolerance_of(r, i, a[i], b[i]);
-        sum += scaled * scaled;
-    }
-    return sum / (ncgen_scalar)r->error_size;
-}
-
 ncgen_real ncgen_weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
 {
-    return mean_square(r, r->error_size, x, a, b);
+    return ncgen_mean_square(r->options, r->error_size, r->error_size, x, a, b);
 }
 
 /* Estimate k of the error over h, squared. */
@@ -56,8 +45,8 @@ ncgen_real ncgen_step_error(ncgen_run *r, ncgen_stepping *w, const tableau *meth
 ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_scalar t, ncgen_scalar span)
 {
     const int count = r->error_size - 1;
-    const ncgen_real d0 = NCGEN_SQRT(mean_square(r, count, r->y, r->y, r->y));
-    const ncgen_real d1 = NCGEN_SQRT(mean_square(r, count, w->stage_derivatives[0], r->y, r->y));
+    const ncgen_real d0 = NCGEN_SQRT(ncgen_mean_square(r->options, r->error_size, count, r->y, r->y, r->y));
+    const ncgen_real d1 = NCGEN_SQRT(ncgen_mean_square(r->options, r->error_size, count, w->stage_derivatives[0], r->y, r->y));
     const ncgen_real guess = ncgen_first_guess(d0, d1, span);
     for (int i = 0; i < r->ny; ++i)
         w->new_y[i] = r->y[i] + guess * w->stage_derivatives[0][i];
@@ -65,6 +54,6 @@ ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_
         return guess * R(0.01);
     for (int i = 0; i < r->ny; ++i)
         w->at[i] = w->stage_derivatives[1][i] - w->stage_derivatives[0][i];
-    const ncgen_real d2 = NCGEN_SQRT(mean_square(r, count, w->at, r->y, r->y)) / guess;
+    const ncgen_real d2 = NCGEN_SQRT(ncgen_mean_square(r->options, r->error_size, count, w->at, r->y, r->y)) / guess;
     return ncgen_better_guess(guess, d1, d2, order, span);
 }

@@ -4,13 +4,6 @@
 
 #include "ncgen_stages.h"
 
-/* The error that a component may have. */
-static inline ncgen_real ncgen_tolerance_of(const ncgen_run *r, int i, ncgen_real a, ncgen_real b)
-{
-    const ncgen_real u = NCGEN_ABS(a), v = NCGEN_ABS(b);
-    return r->options->atol * (r->options->sizes ? r->options->sizes[i] : 1) + r->options->rtol * (u > v ? u : v);
-}
-
 /* The square of all components that count in units of what is tolerated at a and b, a mean. */
 ncgen_real ncgen_weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b);
 /* The error of a step over the tolerance; the fraction of the tolerance that a step of a length may have. */

@@ -1,25 +1,12 @@
 /* ncgen_stiffness.c: whether a mechanism is stiff, before the first step of an explicit method and from its steps. */
 #include "ncgen_stiffness.h"
 #include "ncgen_constrained.h"
+#include "ncgen_step_rules.h"
 
 enum {
-    STIFF_EVERY = 1000,             /* accepted steps between two looks at stiffness, as long as nothing speaks for it */
-    STIFF_EVERY_WITH_IMPLICIT = 16, /* the same where an implicit method could go on and `implicit_cost` steps are left */
-    STIFF_LIMIT = 15,               /* steps in a row that speak for it before it counts */
-    STIFF_DOUBT = 6,                /* steps that speak against it and make these count anew */
-    TINY_LIMIT = 10                 /* looks in a row at steps that are a thousand times too short */
+    SELDOM = 1000,  /* accepted steps between two looks where no implicit method could go on, and as long as nothing speaks for it */
+    TINY_LIMIT = 10 /* looks in a row at steps that are a thousand times too short */
 };
-
-/* From this share of the stability interval on the real axis stability begins to hold the step down: along the imaginary axis,
- * where springs without damping are, it may end at 0.4 of that. */
-static const ncgen_scalar stability_fraction = R(0.3);
-
-/* Steps of this method that an implicit one, with its Jacobians and first steps, costs no more than; its linear systems of so many unknowns
- * cost a share of their square. */
-static ncgen_scalar implicit_cost(ncgen_scalar unknowns)
-{
-    return 200 + unknowns * unknowns / 30;
-}
 
 /* Before the first step a mechanism is stiff where the fastest decay makes steps so much shorter than the motion would. */
 static const ncgen_scalar far_beyond = R(10.0);
@@ -27,42 +14,28 @@ static const ncgen_scalar far_beyond = R(10.0);
 /* Evaluations for the fastest decay: the first one leaves of random velocities what the mechanism allows, the others bring out the fastest. */
 enum { DECAY_EVALUATIONS = 3 };
 
-/* Does an accepted step speak for a stiff mechanism? It does where the motion itself, whose rate its derivatives show, would allow
- * far longer ones at this tolerance, and what holds it down is the stability of the method: the last two stages are both at
- * the end of the step, and the difference of their derivatives over that of their states is about the largest eigenvalue (Hairer
- * and Wanner, Solving Ordinary Differential Equations II, IV.2). Work is left out, since nothing depends on it.
- *
- * A spring may be so stiff that the rounding of its length is a force; then no eigenvalue is to be seen, but steps are tiny:
- * for good, while near a singular position they are so for a moment. */
-static int is_limited_by_stability(const ncgen_run *r, const ncgen_stepping *w, const tableau *method, ncgen_scalar h, int *tiny)
+/* Does an accepted step speak for a stiff mechanism? A spring may be so stiff that the rounding of its length is a force; then no eigenvalue is
+ * to be seen, but steps are tiny: for good, while near a singular position they are so for a moment. */
+static int is_limited_by_stability(const ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar h, int *tiny)
 {
     const int last = method->stages;
-    const ncgen_real *first = w->stage_derivatives[last - 1], *second = w->stage_derivatives[last];
-    const ncgen_scalar needed = NCGEN_POW(r->options->rtol, 1 / (ncgen_scalar)(method->order + 1));
-    ncgen_real stage_derivatives = 0, states = 0, rates = 0, sizes = 0;
+    const ncgen_stage_pair pair = {h, r->y, w->new_y, w->at, w->stage_derivatives[last - 1], w->stage_derivatives[last]};
+    ncgen_real moved;
     *tiny = 0;
     if (r->options->max_step > 0 && !(h < r->options->max_step))
         return 0; /* the user holds it down */
     ncgen_advance_by_stages(r, w, h, last - 1, method->a[last - 1], w->at);
-    for (int i = 0; i < r->error_size - 1; ++i) {
-        const ncgen_real size = ncgen_tolerance_of(r, i, r->y[i], w->new_y[i]), state = w->new_y[i] / size, rate = second[i] / size;
-        const ncgen_real by_derivative = rate - first[i] / size, by_state = state - w->at[i] / size;
-        stage_derivatives += by_derivative * by_derivative;
-        states += by_state * by_state;
-        rates += rate * rate;
-        sizes += state * state;
-    }
-    const ncgen_real moved = h * NCGEN_SQRT(rates / sizes);
-    const ncgen_scalar bound = stability_fraction * method->stability;
-    *tiny = moved < R(1.0e-3) * needed;
-    return moved < R(0.1) * needed && h * h * stage_derivatives > bound * bound * states;
+    const ncgen_scalar needed = NCGEN_POW(r->options->rtol, 1 / (ncgen_scalar)(method->order + 1));
+    const int speaks = ncgen_is_held_by_stability(r->options, r->error_size - 1, &pair, needed, method->stability, &moved);
+    *tiny = moved < R(1.0e-3);
+    return speaks;
 }
 
 /* Would an implicit method from here on solve for the degrees of freedom alone, and is there far to go? */
 static int can_switch_to_implicit(const ncgen_run *r, ncgen_scalar h)
 {
     const int is_cheap = r->options->stop_when_stiff && r->constrained && r->constrained->is_recursive && !r->dynamics->rolling;
-    return is_cheap && r->times[r->n_times - 1] - r->start_t > h * implicit_cost((ncgen_scalar)ncgen_degrees_of_freedom(r));
+    return is_cheap && r->times[r->n_times - 1] - r->start_t > h * ncgen_implicit_cost(ncgen_degrees_of_freedom(r));
 }
 
 /* Before the first step ---------------------------------------------------------------------------------------- */
@@ -149,9 +122,9 @@ int ncgen_begins_stiff(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 int ncgen_is_stiff(const ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar h)
 {
     const long step = r->statistics->steps + 1;
-    const int due = step % STIFF_EVERY == 0;
+    const int due = step % SELDOM == 0;
     int tiny;
-    if (w->stiff == 0 && !due && !(step % STIFF_EVERY_WITH_IMPLICIT == 0 && can_switch_to_implicit(r, h)))
+    if (w->stiff.speaking == 0 && !due && !(step % NCGEN_STIFF_EVERY == 0 && can_switch_to_implicit(r, h)))
         return 0;
     const int speaks = is_limited_by_stability(r, w, method, h, &tiny);
     if (due)
@@ -160,13 +133,5 @@ int ncgen_is_stiff(const ncgen_run *r, ncgen_stepping *w, const tableau *method,
         w->tiny = 0;
         return 1;
     }
-    if (speaks) {
-        w->not_stiff = 0;
-        w->stiff = w->stiff + 1 < STIFF_LIMIT ? w->stiff + 1 : 0;
-        return w->stiff == 0;
-    }
-    w->not_stiff += 1;
-    if (w->not_stiff >= STIFF_DOUBT)
-        w->stiff = 0;
-    return 0;
+    return ncgen_counts_as_stiff(&w->stiff, speaks);
 }

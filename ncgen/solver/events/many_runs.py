@@ -72,6 +72,7 @@ def refusal_in_c(kernels: Kernels) -> str | None:
 class ManyRuns:
     """Motions of a mechanism over the times of a run.
 
+    stop_when_stiff: whether motions that are found stiff are left to single runs
     carried: {number of a motion that C carried out: its events}
     """
 
@@ -79,6 +80,7 @@ class ManyRuns:
     run: Run
     method: Method
     motions: MotionRows
+    stop_when_stiff: bool = False
     carried: dict[int, tuple[Happening, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -98,6 +100,7 @@ class ManyRuns:
         self._options = {
             "method": number_in_c(self.method.integrator), "formalism": number_in_c(self.method.formalism),
             "tolerance": capabilities.closeness("double"), "max_step": 0.0 if np.isinf(step) else step,
+            "stop_when_stiff": int(self.stop_when_stiff),
             **settings_in_c(self.method.options), **tolerances,
         }  # fmt: skip
         if kernels.model.beginnings and not self._exported:

@@ -16,7 +16,7 @@ from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.run_arguments import InitialState
 from ncgen.methods.method import Method
-from ncgen.methods.table import AUTO
+from ncgen.methods.table import AUTO, INTEGRATORS
 from ncgen.model.argument_readers import truth
 from ncgen.solver.argument_checks import ArrayOrNamed, checked_kernels, finite, has_events, names_of
 from ncgen.solver.engines.compiled import GROWTH
@@ -35,6 +35,9 @@ from ncgen.solver.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneOutcome
+
+IN_LANES = "dopri5"
+"""What runs in lanes where the integrator is left open; states that it finds stiff are simulated alone by the default call."""
 
 MOST_STEPS = 1_000_000
 """Steps with error control after which a state of a batch is given up."""
@@ -182,8 +185,6 @@ def simulate_batch(
     """Simulate a batch; arguments, results and errors as of `simulate` with rows."""
     inputs = arguments.get("inputs")
     in_common: dict[str, Any] = {**arguments, "formalism": "coordinate-partitioning"}
-    if isinstance(integrator := in_common.get("integrator", AUTO), str) and integrator == AUTO:
-        in_common["integrator"] = "dopri5"
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
     threads, method = checked_threads(threads), in_lanes(kernels, run)
@@ -237,8 +238,8 @@ def side_by_side(
     alone[[*exhausted, *states.faults, *events]] = False
     batch = _Batch(kernels=kernels, grid=run.times.copy(), states=states, done=done, alone=alone, progress=progress, events=events)
     options = dict(
-        t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.settings.rtol, atol=run.settings.atol,
-        max_step=run.settings.max_step, inputs=inputs,
+        t0=run.initial.t, points=run.times, integrator=method.integrator.name if run.settings.integrator else AUTO,
+        rtol=run.settings.rtol, atol=run.settings.atol, max_step=run.settings.max_step, inputs=inputs,
     )  # fmt: skip
     try:
         if INTERRUPTED in done.status:
@@ -279,15 +280,16 @@ def _in_lanes(
     tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
     return states.choice.lanes.simulate(
         method.integrator.name, run.times, InitialState(states.q, states.zd, states.p), threads, progress, breaks, tolerance=TOLERANCE,
-        max_growth=GROWTH, max_step=0.0 if np.isinf(run.settings.max_step) else run.settings.max_step, max_steps=MOST_STEPS, **tolerances,
+        max_growth=GROWTH, max_step=0.0 if np.isinf(run.settings.max_step) else run.settings.max_step, max_steps=MOST_STEPS,
+        stop_when_stiff=int(run.settings.integrator is None), **tolerances,
     )  # fmt: skip
 
 
 def in_lanes(kernels: Kernels, run: Run) -> Method:
-    """The method of a batch. Raises ModelError where the choice is left open."""
-    if run.settings.formalism is None or run.settings.integrator is None:
+    """The method of a batch, by IN_LANES where the integrator is left open. Raises ModelError where the formalism is."""
+    if run.settings.formalism is None:
         raise ModelError(f"{kernels.name}: a batch has no choice of its own; name one of {those_in_lanes()}")
-    return Method(run.settings.formalism, run.settings.integrator)
+    return Method(run.settings.formalism, run.settings.integrator or INTEGRATORS[IN_LANES])
 
 
 @dataclass(kw_only=True)

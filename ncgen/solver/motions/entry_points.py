@@ -85,10 +85,11 @@ def simulate(
     **arguments : MotionArguments
         The start and the method. Rows make a batch: an array of two dimensions in `q0`, `zd0`, `qd0` or `p`, or one of one dimension by
         name, such as p={"k": stiffnesses}; what has no rows is the same for all states. Each state of a batch is a run with coordinate
-        partitioning, whose independent coordinates are chosen at the first regular state; where they become ill-conditioned, that state
-        is simulated alone in C. With events it is a run over all coordinates, which C carries from event to event; with friction, locks,
-        ratchets or an input that changes with time the states are simulated in a loop. The `integrator` of a batch is dopri5 (default)
-        or dop853, each state with its own steps, or rk4 with the fixed step `max_step`.
+        partitioning, whose independent coordinates are chosen at the first regular state; where they become ill-conditioned, that state is
+        simulated alone in C. So is a state that is found stiff, unless an integrator is named. With events it is a run over all
+        coordinates, which C carries from event to event; with friction, locks, ratchets or an input that changes with time the states are
+        simulated in a loop. The `integrator` of a batch is dopri5 (default) or dop853, each state with its own steps, or rk4 with the fixed
+        step `max_step`.
 
     Returns
     -------

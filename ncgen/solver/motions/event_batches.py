@@ -77,7 +77,7 @@ def through_events(
         steps=done.steps,
         ended=done.reached,
     )
-    many = ManyRuns(kernels=kernels, run=single, method=chosen, motions=motions)
+    many = ManyRuns(kernels=kernels, run=single, method=chosen, motions=motions, stop_when_stiff=run.settings.integrator is None)
     raised: BaseException | None = None
     try:
         many.carry_out(thread_count(threads, kernels.name), progress)
