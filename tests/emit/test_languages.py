@@ -25,7 +25,8 @@ def test_every_language_provides_what_is_asked_for(name, robot_sources):
     """The members of `Language` with its arguments; files with contents of the kind it says, the same whenever they are made."""
     provided, asked = language(name), inspect.signature(Language.model_files)
     assert provided.IS_READ in (True, False)
-    needed = [word for word, parameter in inspect.signature(provided.model_files).parameters.items() if parameter.default is parameter.empty]
+    given = inspect.signature(provided.model_files).parameters.values()
+    needed = [parameter.name for parameter in given if parameter.default is parameter.empty]
     assert ["self", *needed] == list(asked.parameters)
     programs = robot_sources("auto").programs
     files = provided.model_files(programs)
