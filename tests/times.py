@@ -46,6 +46,7 @@ KEPT = (
     "tests/export/test_joints_in_c.py::test_its_own_program_runs_by_the_readme",
     "tests/program/test_full_loads.py::test_loads_are_those_of_reactions[slidercrank3d]",
     "tests/robots/test_inverse_kinematics.py::test_what_is_refused",
+    "tests/runtime/test_c_driver.py::test_it_has_no_warning_in_float_and_in_cpp",
     "tests/solver/test_second_derivatives.py::test_a_start_that_is_no_straight_line_of_a_parameter",
     "tests/solver/test_integrators_on_c.py::test_every_formalism_over_all_coordinates[udwadia-phohomsiri]",
     "tests/robots/test_written_loops.py::test_an_open_tree_keeps_its_zeros_in_sdf",

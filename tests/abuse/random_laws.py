@@ -353,13 +353,13 @@ class Driven(Subject):
             by_q[-1, 0] = 1.0
             return float(q[-1, 0]), by_q, None
 
-        for how in ((EQUAL_STEPS, "rk4"), (1, "dop853", 1e-8)):
-            found = self.attempt("gradient", ncgen.gradient, self.used, DURATION, how[0], objective, *how[1:], **self.given)
+        for steps, how in ((EQUAL_STEPS, {"integrator": "rk4"}), (1, {"integrator": "dop853", "rtol": 1e-8})):
+            found = self.attempt("gradient", ncgen.gradient, self.used, DURATION, steps, objective, **how, **self.given)
             if found is None:
                 continue
             if not all(map(math.isfinite, found.derivatives.values())):
                 self.find("gradient", f"slopes that are no numbers: {found.derivatives}")
-            self.ends(f"gradient by {how[1]}", first, *ends, agree=LOOSE if how[1] == "rk4" else AGREE)
+            self.ends(f"gradient by {how['integrator']}", first, *ends, agree=LOOSE if how["integrator"] == "rk4" else AGREE)
 
     def by_gradients_of_rows(self, first) -> None:
         """Inputs keep their values there."""

@@ -7,6 +7,7 @@ import pytest
 from pushed_later import END, Case, blocks, random_case
 
 import ncgen
+from ncgen.report.precision import time_limit
 from ncgen.solver.trajectories.happening import Happening
 
 
@@ -52,3 +53,13 @@ def test_a_block_that_is_let_go_at_its_instant_is_caught_again():
     for amplitude in (4.0, 3.7738100243527746):
         for q, _ in both(kernels, Case(forces=((amplitude, -amplitude, 2.0),), gap=0.1, speed=1.0), 0.0):
             assert q[-1] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("integrator", ["radau", "dopri5"])
+def test_rounding_of_a_closed_gap_is_no_event_at_every_step(integrator):
+    """Stopped at 5 cm/0.66 m/s, the block rests without a load with what rounding leaves of its gap, until a force pulls it away."""
+    kernels = ncgen.compile(blocks())
+    case = Case(forces=((0.0, -2.0, 0.0),), gap=0.03519545973061816, speed=0.6628854934252688)
+    run = ncgen.simulate(kernels, END, points=3, rtol=1e-9, integrator=integrator, progress=time_limit(60.0), **case.arguments)
+    assert run["s1"][-1] == pytest.approx(case.places()[0], abs=1e-8)
+    assert run.statistics.steps < 1000

@@ -44,6 +44,7 @@ int main(void)
     SHOW(mass, m->mass_pattern.indptr[m->n_coordinates], t, q, p)
     SHOW(force, m->n_coordinates, t, q, qd, p)
     SHOW(energy, 3, t, q, qd, p)
+    SHOW(power, 1, t, q, qd, p)
     SHOW(constraints, 2 * m->n_rows + m->phi_q_pattern.indptr[m->n_rows], t, q, qd, p)
     return 0;
 }
@@ -160,6 +161,19 @@ def test_macros_begin_with_the_models(exports, tmp_path):
     (tmp_path / "std.c").write_text("#include <stddef.h>\n")
     names = {line.split()[1] for line in own - set(shell("cc -std=c99 -E -dM std.c", tmp_path).splitlines())}
     assert names and [name for name in names if not name.startswith("ROBOT_")] == []
+
+
+COMPILERS = {
+    "float": f"cc -x c -std=c99 {STRICT} -DPENDULUM_NCGEN_SINGLE",
+    "C++": "g++ -x c++ -std=c++20 -Wall -Wextra -Wconversion -Wpedantic -Wno-missing-field-initializers -Werror",
+}
+
+
+@pytest.mark.parametrize("language", COMPILERS)
+def test_the_single_header_has_no_warning(exports, tmp_path, language):
+    """The C library of an export, in float and in C++, as a compiler reads it."""
+    (tmp_path / "all.c").write_text('#define PENDULUM_IMPLEMENTATION\n#include "pendulum_single.h"\n')
+    shell(f"{COMPILERS[language]} -fsyntax-only -I{exports('pendulum') / 'single'} all.c", tmp_path)
 
 
 def test_single_header(exports, tmp_path):

@@ -115,6 +115,11 @@ def check(seeds: range, where) -> int:
     return count
 
 
+def test_a_start_has_the_least_energy(tmp_path):
+    """A speed of one of three bars in a loop, whose matrix has small pivots."""
+    assert check(range(17, 18), tmp_path) == 1
+
+
 @pytest.mark.slow
 def test_random_drawings(tmp_path):
     assert check(range(3), tmp_path) > 1

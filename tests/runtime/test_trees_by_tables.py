@@ -27,7 +27,7 @@ def test_a_long_arm_begins_without_dense_matrices(monkeypatch):
     """Neither the choice of accelerations nor the look for massless motions makes one; angles have no inertia of their own."""
     kernels = ncgen.compile(example_module("arm").build(70))
     made = []
-    monkeypatch.setattr(type(kernels), "_dense", lambda *a: made.append(a))
+    monkeypatch.setattr(type(kernels.phi_q_pattern), "dense", lambda *a: made.append(a))
     for _ in range(2):
         assert ncgen.simulate(kernels, 0.01, points=2).engine == "tree"
     assert acceleration_forms.all_coordinates(kernels, form="tree").singular_mass

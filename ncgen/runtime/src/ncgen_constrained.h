@@ -15,7 +15,7 @@ typedef int ncgen_tree_work;
 #define ncgen_tree_is_in_closed_form(w) ((void)(w), 0)
 #define ncgen_tree_joints(tree) ((void)(tree), 0)
 #define ncgen_tree_measure(r, w, velocities, chosen) ((void)(r), (void)(w), (void)(velocities), (void)(chosen))
-#define ncgen_tree_along(r, w, chosen) ((void)(r), (void)(w), (void)(chosen), NULL)
+#define ncgen_tree_along(r, w, chosen) ((void)(r), (void)(w), (void)(chosen), (const ncgen_real *)NULL)
 #endif
 
 typedef struct ncgen_constrained {

@@ -171,7 +171,7 @@ static ncgen_manner manner_of(const ncgen_laws *l, ncgen_contact c, const ncgen_
 {
     const int gap = c.gap, n = c.directions;
     const ncgen_real *w = l->velocities + gap + 1, speed = ncgen_norm(n, w), limit = c.friction * impulses[gap];
-    ncgen_manner does = {impulses[gap] > l->least[gap], 0, {0, 0}};
+    ncgen_manner does = {(ncgen_real)(impulses[gap] > l->least[gap]), 0, {0, 0}};
     does.slides = n && speed > 0 && !(ncgen_norm(n, impulses + gap + 1) < limit * (1 - inside));
     for (int k = 0; does.slides > 0 && k < n; ++k)
         does.direction[k] = w[k] / speed;

@@ -26,10 +26,11 @@ void ncgen_note(ncgen_log *log, int n, const ncgen_moment *moment, int event, in
     if (!log || log->count++ >= log->room)
         return;
     ncgen_real *row = log->rows + (size_t)(log->count - 1) * (size_t)NCGEN_NOTE(n);
-    row[OWNER] = log->owner;
-    row[EVENT] = event;
-    row[WHAT] = what;
-    row[CAUSE] = log->due[event] && !log->follows ? log->cause : what == NCGEN_LEAVES ? NCGEN_BY_LOAD : NCGEN_FOLLOWS;
+    row[OWNER] = (ncgen_real)log->owner;
+    row[EVENT] = (ncgen_real)event;
+    row[WHAT] = (ncgen_real)what;
+    const int by_another = what == NCGEN_LEAVES ? NCGEN_BY_LOAD : NCGEN_FOLLOWS;
+    row[CAUSE] = (ncgen_real)(log->due[event] && !log->follows ? log->cause : by_another);
     if (log->due[event] && !log->follows && log->cause == NCGEN_WATCHED && log->sampled && log->sampled[event])
         row[CAUSE] = NCGEN_BY_LOAD;
     row[TIME] = moment->t;

@@ -57,8 +57,8 @@ static void exchange(ncgen_event_runs *runs, int back)
 static ncgen_kept keep(ncgen_event_runs *runs)
 {
     exchange(runs, 0);
-    return (ncgen_kept){runs->moment,  runs->steps[runs->at], runs->row, runs->passage.log->count, *runs->passage.mode,
-                        *runs->passage.stopped};
+    const ncgen_kept kept = {runs->moment, runs->steps[runs->at], runs->row, runs->passage.log->count, *runs->passage.mode, *runs->passage.stopped};
+    return kept;
 }
 
 static int go_back(ncgen_event_runs *runs, const ncgen_kept *kept, int status)

@@ -96,7 +96,9 @@ int ncgen_mark_crossed(const ncgen_events *events, int count, const int *crossed
                 released[h] = ncgen_side_of(events->holds[h].kind, l);
     }
     const int last = events->count + events->n_loads - 1;
-    return events->rubs && last < count && crossed[last] ? NCGEN_UNDETERMINED : NCGEN_OK;
+    if (events->rubs && last < count && crossed[last])
+        return NCGEN_UNDETERMINED;
+    return NCGEN_OK;
 }
 
 int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage)

@@ -103,7 +103,7 @@ void ncgen_begin_slip(ncgen_instant *i)
     for (int h = 0; h < i->events->n_holds; ++h) {
         const ncgen_hold *hold = i->events->holds + h;
         if (hold->kind == NCGEN_HOLDS_JOINT)
-            i->p[hold->slip] = is_still(i, hold) ? 0 : ncgen_side(i, hold->condition);
+            i->p[hold->slip] = is_still(i, hold) ? 0 : (ncgen_real)ncgen_side(i, hold->condition);
     }
     for (int k = 0; k < i->events->n_rubbings; ++k)
         for (int l = 0; l < i->events->rubbings[k].directions; ++l)
@@ -140,7 +140,7 @@ static int write_wanted(const choice *c)
         if (c->active.wanted[h] && !c->active.before[h] && hold->held >= 0)
             i->p[hold->held] = i->numbers[hold->value];
         if (hold->kind == NCGEN_HOLDS_JOINT)
-            i->p[hold->slip] = ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], ncgen_side(i, hold->condition));
+            i->p[hold->slip] = (ncgen_real)ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], ncgen_side(i, hold->condition));
     }
     ncgen_write_held(i->events, c->active.wanted, 0, i->p);
     return ncgen_write_ways(i, &c->active);

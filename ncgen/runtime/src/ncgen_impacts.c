@@ -157,7 +157,7 @@ static int moves(const ncgen_instant *i, int condition, int is_gap, int side)
 {
     const ncgen_real *w = ncgen_gradient(i, condition);
     const ncgen_real velocity = is_gap ? w[2 * i->n] + ncgen_dot(i->n, w, i->moment->qd) : i->values[2 * condition];
-    return velocity * side > 0 && !ncgen_is_still_along(i, condition, is_gap);
+    return velocity * (ncgen_real)side > 0 && !ncgen_is_still_along(i, condition, is_gap);
 }
 
 /* The gaps that take part: those that are closed, and those that are due; due: NULL, or which are. *wanted: are some due, or do some close? */

@@ -80,7 +80,9 @@ static int hit_in_turn(ncgen_impact *i, ncgen_laws *l, ncgen_real *first, ncgen_
             i->turns[turn] = b;
         i->n_turns = turn + 1;
     }
-    return fastest(i) < 0 ? NCGEN_OK : NCGEN_ENDLESS;
+    if (fastest(i) < 0)
+        return NCGEN_OK;
+    return NCGEN_ENDLESS;
 }
 
 static int hit_together(ncgen_impact *i, ncgen_laws *l, ncgen_real *first, ncgen_real *impulses)
@@ -118,7 +120,9 @@ static int finish(ncgen_impact *i)
         lost += i->lost[b];
         sizes += NCGEN_ABS(i->lost[b]);
     }
-    return lost < -gain * (sizes + i->energy) ? NCGEN_GAIN : NCGEN_OK;
+    if (lost < -gain * (sizes + i->energy))
+        return NCGEN_GAIN;
+    return NCGEN_OK;
 }
 
 size_t ncgen_impact_workspace(int rows)

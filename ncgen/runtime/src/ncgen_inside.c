@@ -169,13 +169,10 @@ static int find_at_nodes(const ncgen_event *event, int k, ncgen_walk *walk, int 
     return NCGEN_OK;
 }
 
-/* What has no sign where a run resumes on a side that the value there contradicts, as if the condition had happened: it is rounding, and so is
- * twice as much. */
-static ncgen_scalar rounding_left(const ncgen_run *r, const ncgen_part *p, int k)
+/* Of each condition, what has no sign throughout the run. */
+static ncgen_real *rounding_left(const ncgen_event *event)
 {
-    const ncgen_event *event = r->options->event;
-    const ncgen_real first = ncgen_sample(event, 0)[2 * k];
-    return ncgen_resumes(r, p) && first * event->signs[k] < 0 && !(first * event->directions[k] < 0) ? 2 * NCGEN_ABS(first) : 0;
+    return ncgen_sample(event, event->degree + 2) + event->count; /* behind errors and shares */
 }
 
 /* Does condition k happen within the part? Then between two shares of it. */
@@ -184,11 +181,11 @@ static int find(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, int k, int
     const ncgen_event *event = r->options->event;
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
     const ncgen_formulas *formulas = event->formulas;
-    const ncgen_scalar size = size_of(event, k), noise = noise_of(r, size), left = rounding_left(r, p, k);
+    const ncgen_scalar size = size_of(event, k), noise = noise_of(r, size), left = rounding_left(event)[k];
     const ncgen_real first = ncgen_sample(event, 0)[2 * k];
     place->noise = left > noise ? left : noise;
     const int has_formula = formulas && formulas->first[k] < formulas->first[k + 1];
-    const int jumps = ncgen_is_sampled(event, k) && !((p->to - p->from) * FINEST > 1); /* no polynomial is right there */
+    const int jumps = ncgen_is_sampled(event, k) && !((p->to - p->from) * (ncgen_scalar)FINEST > 1); /* no polynomial is right there */
     if (r->constrained && (has_formula || jumps)) {
         ncgen_walk walk = {event->directions[k], event->signs[k] ? event->signs[k] : (first > 0) - (first < 0), 0, 0, 0, left};
         const int status = jumps ? find_at_nodes(event, k, &walk, crossed) : find_by_formula(r, w, p, k, size, &walk, crossed);
@@ -202,12 +199,18 @@ static int find(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, int k, int
     return NCGEN_OK;
 }
 
+/* Where a run resumes on a side that the value there contradicts, as if the condition had happened, that is rounding, and so is twice as much. */
 int ncgen_conditions_begin(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_event *event = r->options->event;
-    for (int k = 0; k < event->count; ++k)
+    const int status = ncgen_evaluate_conditions(r, t, r->q, r->qd, ncgen_sample(event, 0));
+    for (int k = 0; k < event->count; ++k) {
+        const ncgen_real first = ncgen_sample(event, 0)[2 * k];
+        const int happens = first * (ncgen_real)event->signs[k] < 0 && !(first * (ncgen_real)event->directions[k] < 0);
         event->crossed[k] = 0;
-    return ncgen_evaluate_conditions(r, t, r->q, r->qd, ncgen_sample(event, 0));
+        rounding_left(event)[k] = event->resumes && happens ? 2 * NCGEN_ABS(first) : 0;
+    }
+    return status;
 }
 
 /* The share *s of the part at which the first condition happens, and those that do; where none does, it is followed by the next part. */
@@ -249,7 +252,8 @@ int ncgen_conditions_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen
     int status = NCGEN_OK, place = 0, width = FINEST;
     *happens = 0;
     while (place < FINEST && status == NCGEN_OK && !*happens) {
-        const ncgen_part p = {t, h, (ncgen_scalar)place / FINEST, (ncgen_scalar)(place + width) / FINEST};
+        const ncgen_scalar parts = FINEST;
+        const ncgen_part p = {t, h, (ncgen_scalar)place / parts, (ncgen_scalar)(place + width) / parts};
         int are_right = 1;
         status = evaluate_nodes(r, w, &p);
         if (status == NCGEN_OK && r->constrained && width > 1)

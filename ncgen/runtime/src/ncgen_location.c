@@ -97,12 +97,12 @@ static int is_there(ncgen_run *r, ncgen_stepping *w, const ncgen_part *p, int k,
     const int way = event->directions[k];
     const int is_start = ncgen_resumes(r, p) && !(*low > 0);
     *there = way == 0 && !(NCGEN_ABS(*at_low) > 0) && !is_start;
-    if (way == 0 || *at_low * way < 0 || is_start || ncgen_is_sampled(event, k))
+    if (way == 0 || *at_low * (ncgen_real)way < 0 || is_start || ncgen_is_sampled(event, k))
         return NCGEN_OK;
     ncgen_real *values = ncgen_sample(event, event->degree + 1);
     const ncgen_scalar next = *low + (high - *low) * R(0.0009765625);
     const int status = ncgen_evaluate_inside(r, w, p, next, values);
-    *there = !(values[2 * k] * way < 0);
+    *there = !(values[2 * k] * (ncgen_real)way < 0);
     if (!*there) {
         *low = next;
         *at_low = values[2 * k];

@@ -119,7 +119,7 @@ static int try_part(ncgen_instant *i, int count, const int *sliding, const int *
 {
     const ncgen_events *e = i->events;
     for (int k = 0; k < count; ++k)
-        i->p[e->holds[e->rubbings[sliding[k]].gap].on] = chosen[k];
+        i->p[e->holds[e->rubbings[sliding[k]].gap].on] = (ncgen_real)chosen[k];
     const int status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, pairs);
     for (int k = 0; k < count; ++k)
         i->p[e->holds[e->rubbings[sliding[k]].gap].on] = 1;

@@ -118,6 +118,6 @@ void ncgen_write_slip(const ncgen_slide *slide, const ncgen_active *active, int 
         length = begins ? first_length(slide, mobility * force, alone) / force : largest_slide(slide, velocity, speed) / velocity;
     for (int k = 0; k < slide->directions; ++k) {
         const ncgen_real along = begins ? way[k] : slide->velocity[k];
-        slip[k] = slides == NCGEN_SLIDES_NOT ? 0 : slide->directions > 1 ? along * length : (along > 0) - (along < 0);
+        slip[k] = slides == NCGEN_SLIDES_NOT ? 0 : slide->directions > 1 ? along * length : (ncgen_real)((along > 0) - (along < 0));
     }
 }

@@ -159,7 +159,7 @@ ncgen_scalar ncgen_rounding(void)
 
 ncgen_options ncgen_options_of_calls(ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol)
 {
-    ncgen_options options = {0};
+    ncgen_options options = NCGEN_ALL_ZERO;
     options.method = step > 0 ? NCGEN_RK4 : NCGEN_DOP853;
     options.formalism = NCGEN_LAGRANGE;
     options.project = 1;

@@ -8,6 +8,13 @@
 #include "ncgen_runtime.h"
 #include "ncgen_vectors.h"
 
+/* A record with all its members 0, in C and in C++. */
+#ifdef __cplusplus
+#define NCGEN_ALL_ZERO {}
+#else
+#define NCGEN_ALL_ZERO {0}
+#endif
+
 typedef struct ncgen_run ncgen_run;
 
 struct ncgen_run {

@@ -185,7 +185,7 @@ static void put_all(const ncgen_run *r, const ncgen_tree_work *w, int place, con
 
 void ncgen_tree_place_bodies(const ncgen_run *r, ncgen_tree_work *w)
 {
-    static const lanes nothing;
+    static const lanes nothing = {0};
     put_all(r, w, VALUE, w->values);
     for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
         lanes second[9];
@@ -217,7 +217,7 @@ static inline void spread(const ncgen_tree_block *b, const lanes *twist)
 
 void ncgen_tree_spread_twists(ncgen_tree_work *w)
 {
-    static const lanes nothing;
+    static const lanes nothing = {0};
     for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
         lanes twist[6];
         set(6, b->numbers + TWIST, twist);
@@ -268,7 +268,7 @@ void ncgen_tree_set_wrenches(ncgen_tree_work *w)
 
 void ncgen_tree_add_forces(ncgen_tree_work *w, int to_wrenches)
 {
-    static const lanes nothing;
+    static const lanes nothing = {0};
     for (const ncgen_tree_block *b = w->block, *end = b + w->n_blocks; b < end; ++b) {
         lanes wrench[6];
         for (int i = 0; i < 6; ++i)
@@ -286,7 +286,7 @@ void ncgen_tree_add_forces(ncgen_tree_work *w, int to_wrenches)
  * rests by the masses between members. */
 static inline void set_momentum(const ncgen_tree_block *block)
 {
-    static const lanes nothing;
+    static const lanes nothing = {0};
     const int count = block->n_slots;
     const lanes *first = block->numbers + MOMENTS + 6, *masses = block->masses + count;
     lanes x[3], wrench[6];

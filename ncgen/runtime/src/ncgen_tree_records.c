@@ -237,10 +237,11 @@ static void begin_screw(ncgen_tree_work *w, int k)
 /* What no evaluation changes. */
 static void begin(const ncgen_run *r, ncgen_tree_work *w)
 {
-    static const ncgen_tree_link ground = {.parent = -1};
+    static const ncgen_tree_link nothing = NCGEN_ALL_ZERO;
     const ncgen_tree *tree = w->tree;
     const ncgen_tree_slot *last = w->slot + begin_blocks(w);
-    w->link[-1] = ground;
+    w->link[-1] = nothing;
+    w->link[-1].parent = -1;
     w->link[-1].lane = (ncgen_real *)(w->numbers + (size_t)w->n_blocks * BLOCK_NUMBERS);
     for (int i = 0; i < r->n; ++i)
         w->where[i] = place_in_slots(w->slot, last + count_last_slots(tree) - 1, 2, NCGEN_LINK_LANES - 1);

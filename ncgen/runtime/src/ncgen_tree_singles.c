@@ -70,7 +70,8 @@ void ncgen_tree_push_singles(ncgen_tree_work *w)
     const ncgen_tree *tree = w->tree;
     for (int link = 0; link < tree->n_links; ++link) {
         ncgen_tree_link *own = w->link + link;
-        carried a = {.element = -1}, b = {.element = -1};
+        carried a = NCGEN_ALL_ZERO, b = NCGEN_ALL_ZERO;
+        a.element = b.element = -1;
         for (int s = tree->single_start[link]; s < tree->single_start[link + 1]; ++s) {
             const int *entry = tree->singles + 5 * s;
             const ncgen_real mass = tree->single_shares[s] * w->mass[entry[4]];

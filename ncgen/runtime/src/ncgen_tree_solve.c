@@ -180,7 +180,7 @@ static int pass_any(ncgen_tree_work *w, int link, ncgen_tree_screw *screws, ncge
 
 int ncgen_tree_reduce(ncgen_tree_work *w)
 {
-    static const ncgen_tree_carried nothing;
+    static const ncgen_tree_carried nothing = NCGEN_ALL_ZERO;
     const int n_groups = w->tree->n_groups, has_hinges_alone = !n_groups && !w->tree->n_closing;
     ncgen_tree_carried passed = nothing;
     int is_regular = 1;

@@ -50,6 +50,11 @@ NEIGHBOUR = 1e-3
 """How far a neighbouring position is, likewise."""
 
 
+def numerical_rank(jacobian: np.ndarray) -> int:
+    """Rank by singular values."""
+    return _rank_of(np.linalg.svd(jacobian, compute_uv=False))
+
+
 def _rank_of(values: np.ndarray) -> int:
     """How many singular values are not zero but for rounding."""
     return int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300))) if len(values) else 0

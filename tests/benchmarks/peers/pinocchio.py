@@ -6,17 +6,16 @@ Needs `pin` and, for the headers that it is compiled with, `cmeel-eigen`.
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from cffi import FFI
 
-from benchmarks.rivals.pinocchio import compiled_cpp
+from benchmarks.rivals.pinocchio import compiled_cpp, installed
 from ncgen.mechanism.arguments import pointer
 
-import_module("pinocchio")
+installed()
 
 NAME = "Pinocchio C++, RK4, Baumgarte 20"
 FREQUENCY = 20.0

@@ -30,9 +30,17 @@ PATIENCE = 1800.0
 """Seconds that the compiler may take for its headers: two minutes where nothing else runs."""
 
 
-def compiled_cpp(source: Path, flags: tuple[str, ...]) -> BuiltLibrary:
-    """A source in C++ with Pinocchio's library. Raises ImportError or StopIteration where that, NcgenError where a compiler is missing."""
+def installed() -> Path:
+    """The folder of Pinocchio's library and of its headers. Raises ImportError or StopIteration where one is missing."""
     prefix = next(p for p in Path(import_module("pinocchio").__file__ or "").parents if p.name == "cmeel.prefix")
+    if not (prefix / "include" / "eigen3").is_dir():
+        raise ModuleNotFoundError("cmeel-eigen is not installed")
+    return prefix
+
+
+def compiled_cpp(source: Path, flags: tuple[str, ...]) -> BuiltLibrary:
+    """A source in C++ with Pinocchio's library. Raises as `installed` does, and NcgenError where a compiler is missing."""
+    prefix = installed()
     libraries = ("-x", "none", f"-L{prefix}/lib", f"-Wl,-rpath,{prefix}/lib", "-lpinocchio_default", "-lstdc++", "-lm")
     included = (f"-I{prefix}/include", f"-I{prefix}/include/eigen3")
     return compiled({"pinocchio.c": source.read_text(encoding="utf-8")}, (*flags, *included), libraries, PATIENCE)
