@@ -129,8 +129,9 @@ class Loads(Coordinates):
         Potential
             The potential.
         """
-        self.potentials.append(Potential(label, as_sympy(expression)))
-        return self.potentials[-1]
+        potential = Potential(label, as_sympy(expression))
+        self.potentials.append(potential)
+        return potential
 
     @fact
     def spring(
