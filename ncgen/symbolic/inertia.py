@@ -36,6 +36,10 @@ if TYPE_CHECKING:
 ROUNDING = 1e-14
 """Relative weights below this are rounding of the user's decimal numbers (a centre meant to be on a line) and count as zero."""
 
+BLUR = 0.1
+"""Differences of positions are known no better than those of points that are this share of their distance from the origin apart, which
+rounding is the ROUNDING of: a mechanism far from the origin has no masses that are rounding."""
+
 OFF_AXIS = 1e-9
 """How far (relative to the bar's length) a bar's centre of mass may be from its line."""
 
@@ -112,8 +116,9 @@ def _standard(
 ) -> tuple[tuple[Exact, ...], ...]:
     mass, lever, tensor = _mass(inertia.mass), [*_exact(inertia.com), *origin], [x for row in inertia.tensor for x in _exact(row)]
     offset = [c - o for c, o in zip(lever[:3], origin, strict=True)]
+    blur = BLUR * max(abs(evaluate(x, parameters, "")) for x in lever)
     if not any(map(is_symbolic, (mass, *offset, *tensor, *chain(*axes)))):
-        return standard_in_integers(*cast(Any, (mass, offset, tensor, axes)), rounding=ROUNDING)
+        return standard_in_integers(*cast(Any, (mass, offset, tensor, axes)), rounding=ROUNDING, blur=blur)
     inverse = _inverse(axes)
     sizes = [_norm(row, parameters) for row in inverse]
     half = sum((tensor[4 * k] for k in range(3)), Fraction(0)) / 2
@@ -135,7 +140,7 @@ def _standard(
         return dot(inverse[i], [dot(planar[k], inverse[j]) for k in range(3)])
 
     # Directions have sizes of their own, so every entry has its scale.
-    away, whole = _norm(offset, parameters), evaluate(half, parameters, "")
+    away, whole = max(_norm(offset, parameters), blur), evaluate(half, parameters, "") * max(1.0, blur * max(sizes))
     a = [_cleaned(along(i), sizes[i] * away) for i in range(3)]
     spread: list[list[Exact]] = [[Fraction(0)] * 3 for _ in range(3)]
     for i in range(3):

@@ -18,11 +18,13 @@ def standard_in_integers(
     tensor: Sequence[Fraction],
     axes: Sequence[Sequence[Fraction]],
     rounding: float,
+    blur: float = 0.0,
 ) -> tuple[tuple[Fraction, ...], ...]:
     """S of a part of a body (`ncgen.symbolic.inertia`), shape (4, 4), exact, where all denominators are powers of two.
 
     mass (kg); offset: d (m), from the base point to the centre of mass; tensor: I by rows (kg m²); axes: the directions x₁…x₃
-    rounding: entries of a and of X⁻¹ J_G X⁻ᵀ below this fraction of their scales count as zero
+    rounding: entries of a and of X⁻¹ J_G X⁻ᵀ below this fraction of their scales count as zero; blur: the length (m) that differences of
+        positions are known to that fraction of, at best
     """
     x, per_axis = _over_one([component for axis in axes for component in axis])
     d, per_offset = _over_one(offset)
@@ -32,8 +34,8 @@ def standard_in_integers(
     crossed = (_cross(x1, x2), _cross(x2, x0), _cross(x0, x1))  # rows of X⁻¹ times volume / per_axis
     volume = _dot(x0, crossed[0])
     sizes = [_norm(c * per_axis / volume for c in row) for row in crossed]
-    away, trace = _norm(map(float, offset)), inertia[0] + inertia[4] + inertia[8]
-    half = trace / (2 * per_tensor)
+    away, trace = max(_norm(map(float, offset)), blur), inertia[0] + inertia[4] + inertia[8]
+    half = trace / (2 * per_tensor) * max(1.0, blur * max(sizes))
 
     def cleaned(numerator: int, denominator: int, scale: float) -> int:
         return 0 if abs(numerator / denominator) <= rounding * scale else numerator

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import ncgen
+from ncgen.exchange.examples import example_module
 from ncgen.model import Model
 
 
@@ -84,3 +85,17 @@ def test_small_rolling_rows_hold_for_accelerations():
     assert np.max(np.abs(kernels.jacobian(run.q[-1]) @ run.qd[-1])) < 1e-9 * 1e-8
     # y' = x x' integrates to y = x²/2
     assert run.q[-1, 1] == pytest.approx(run.q[-1, 0] ** 2 / 2, abs=1e-8)
+
+
+@pytest.mark.parametrize("away", [100.0, 1e3, 1e5])
+def test_far_from_the_origin_a_mechanism_has_no_masses_that_are_rounding(monkeypatch, away):
+    """Bennett's linkage moves there as at the origin, by the matrix, too; its axes had masses of 1e-29 kg."""
+    module = example_module("bennett")
+    near = ncgen.simulate(ncgen.compile(module.build()), 0.5)
+    monkeypatch.setattr(module, "CORNERS", module.CORNERS + [away, -away, 0.0])
+    kernels = ncgen.compile(module.build())
+    axes = [kernels.index[name] for name in kernels.coordinates if name.startswith("u")]
+    assert not kernels.mass_matrix(kernels.q0)[axes].any()
+    for engine in ("auto", "c"):
+        far = ncgen.simulate(kernels, 0.5, engine=engine)
+        assert far["theta2"][-1] == pytest.approx(near["theta2"][-1], abs=1e-7 + 1e-12 * away)
