@@ -53,7 +53,7 @@ def test_list_for_people(ncgen_main):
     assert said.code == 0
     assert [line.split()[0] for line in lines] == sorted(line.split()[0] for line in lines)
     (robot,) = [line for line in lines if line.startswith("robot")]
-    assert "6 dof" in robot and "31 rows (1 redundant)" in robot
+    assert "6 dof" in robot and "31 constraints (1 redundant)" in robot
 
 
 def test_inspect_the_robot(ncgen_main, written):
