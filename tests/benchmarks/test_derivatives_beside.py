@@ -26,7 +26,7 @@ def test_automatic_differentiation(module, robot):
     """Other tools' derivatives of the same rows, where they are installed, are right to rounding."""
     pytest.importorskip(module)
     inputs = Inputs.typical(robot)
-    (rival,) = import_module(f"ncgen.comparisons.rivals.{module}").rivals(robot, inputs, ("phi", "phi_q", "gamma"))
+    (rival,) = import_module(f"benchmarks.rivals.{module}").rivals(robot, inputs, ("phi", "phi_q", "gamma"))
     for kernel in ("phi_q", "gamma"):
         ulps = np.abs(rival.values(kernel) - by_differences(robot, kernel, inputs)) / scale(robot, kernel, inputs) / rival.epsilon
         assert np.max(ulps) < 8

@@ -81,7 +81,7 @@ def test_what_urdf_cannot_say():
         robot_text(ncgen.load("robot"), ".urdf")
     with pytest.raises(ModelError, match="cartpole: motor is no spring or damper of a joint; .* leave it out"):
         robot_text(ncgen.load("cartpole"), ".xml")
-    with pytest.raises(ModelError, match=r"files of links and joints end with \.urdf, \.sdf, \.xml, \.mjcf; '.stl' is none of them"):
+    with pytest.raises(ModelError, match=r"files of links and joints end with \.urdf, \.sdf, \.xml, \.mjcf; '.stl' is not one of them"):
         robot_text(reach(), ".stl")
 
 
