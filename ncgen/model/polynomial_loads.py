@@ -13,7 +13,7 @@ from ncgen.model.body_elements import BodyElements
 from ncgen.model.elements import Combination, Relative, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.loads import three_components
-from ncgen.model.values import Numbers, Value, Values, as_sympy
+from ncgen.model.values import Numbers, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:
     from ncgen.model.polynomial_forces import AnchorSpring, BallSpring, ConstantForce, PolynomialSpring
@@ -210,7 +210,10 @@ class PolynomialLoads(BodyElements):
             raise ModelError(f"{where}: {body.name} has no point that moves; give a body with points")
         three_components(position, where, False)
         first = body.points[0]
-        offset = [as_sympy(x) - y for x, y in zip(position, first.given, strict=True)]
+        begins = (
+            first.initial.tolist() if all(map(is_number, position)) else first.given
+        )  # a place in numbers is one of the initial position
+        offset = [as_sympy(x) - y for x, y in zip(position, begins, strict=True)]
         return as_combination(first) + self.direction_of(body, offset, "arm") if any(offset) else as_combination(first)
 
 

@@ -125,7 +125,7 @@ class _Walk:
         return self._rare(value)
 
     def _rare(self, value: Any) -> Any:
-        """A copy of what is none of what most values are. Raises TypeError for what has no name and no value."""
+        """A copy of what is of another type than most values. Raises TypeError for what has no name and no value."""
         if isinstance(value, (bool, str, int, np.integer)):
             self.words.append(repr(value))
             return value

@@ -169,7 +169,7 @@ static int find_at_nodes(const ncgen_event *event, int k, ncgen_walk *walk, int 
     return NCGEN_OK;
 }
 
-/* Of each condition, what has no sign throughout the run. */
+/* Of each condition, what has no sign throughout the run; 0 of what is sampled, as loads are, which may be beyond their limits by little. */
 static ncgen_real *rounding_left(const ncgen_event *event)
 {
     return ncgen_sample(event, event->degree + 2) + event->count; /* behind errors and shares */
@@ -208,7 +208,7 @@ int ncgen_conditions_begin(ncgen_run *r, ncgen_scalar t)
         const ncgen_real first = ncgen_sample(event, 0)[2 * k];
         const int happens = first * (ncgen_real)event->signs[k] < 0 && !(first * (ncgen_real)event->directions[k] < 0);
         event->crossed[k] = 0;
-        rounding_left(event)[k] = event->resumes && happens ? 2 * NCGEN_ABS(first) : 0;
+        rounding_left(event)[k] = event->resumes && happens && !ncgen_is_sampled(event, k) ? 2 * NCGEN_ABS(first) : 0;
     }
     return status;
 }

@@ -33,7 +33,7 @@ static int correct_exactly(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
     for (int i = 0; i < r->m; ++i)
         w->right[r->n + i] = -w->residual[r->n + i];
     const int status = ncgen_constrained_solve(r);
-    for (int i = 0; i < r->n; ++i)
+    for (int i = 0; i < r->n && status == NCGEN_OK; ++i)
         x[i] += w->solution[i];
     return status;
 }
@@ -255,7 +255,7 @@ static int is_repeated_first(const ncgen_run *r, int precise)
 
 /* Position and velocity of the state y onto the constraints, in r->q and r->qd, with the factors of a nearby state unless there are none;
  * enough, yd: as above; precise: whether nothing is tried before the matrix but the recursion, and velocities take the least kinetic energy
- * to all digits. */
+ * to all digits where no derivative is asked for. */
 static int project(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factors_are_near, ncgen_scalar enough, int precise,
                    ncgen_real *yd)
 {
@@ -274,7 +274,7 @@ static int project(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factor
     const int has_moved = r->statistics->newton_steps > steps + 1; /* so that the factors are those of another place */
     if (status == NCGEN_OK && !factors_are_near && has_moved)
         status = refresh(r, t);
-    return status == NCGEN_OK ? project_velocity(r, t, precise) : status;
+    return status == NCGEN_OK ? project_velocity(r, t, precise && !yd) : status;
 }
 
 /* precise: with the factors of this state */
