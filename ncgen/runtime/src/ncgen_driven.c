@@ -118,7 +118,7 @@ int ncgen_project_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_momen
     ncgen_statistics statistics;
     int status = begin(&r, &w, d, d->options, p, moment, 1, &moment->t, &statistics);
     if (status == NCGEN_OK)
-        status = ncgen_project_state(&r, moment->t, r.y, 1, NULL);
+        status = ncgen_project_state(&r, moment->t, r.y, 2, NULL);
     return status == NCGEN_OK ? evaluate(&r, &w, moment) : status;
 }
 

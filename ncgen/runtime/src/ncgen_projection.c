@@ -254,8 +254,8 @@ static int is_repeated_first(const ncgen_run *r, int precise)
 }
 
 /* Position and velocity of the state y onto the constraints, in r->q and r->qd, with the factors of a nearby state unless there are none;
- * enough, yd: as above; precise: whether nothing is tried before the matrix but the recursion, and velocities take the least kinetic energy
- * to all digits where no derivative is asked for. */
+ * enough, yd: as above; precise: 1 where nothing is tried before the matrix but the recursion, 2 where velocities take the least kinetic
+ * energy to all digits, too. */
 static int project(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factors_are_near, ncgen_scalar enough, int precise,
                    ncgen_real *yd)
 {
@@ -274,7 +274,7 @@ static int project(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factor
     const int has_moved = r->statistics->newton_steps > steps + 1; /* so that the factors are those of another place */
     if (status == NCGEN_OK && !factors_are_near && has_moved)
         status = refresh(r, t);
-    return status == NCGEN_OK ? project_velocity(r, t, precise && !yd) : status;
+    return status == NCGEN_OK ? project_velocity(r, t, precise > 1) : status;
 }
 
 /* precise: with the factors of this state */
