@@ -240,12 +240,13 @@ def phi_of(length: float, *_) -> float:
 
 
 def test_eight_processes_and_three_models(cache, child):
-    """The same and different models at once: every process has its own numbers, every model one library and one program."""
+    """The same and different models at once: every process has its own numbers, every model one library and one program, and so has every
+    structure: 1 is one of its own, 2 and 3 share another."""
     lengths = [1.0 + k % 3 for k in range(8)]
     workers = [child(phi_of, length) for length in lengths]
     assert [worker.result() for worker in workers] == pytest.approx([1.5 * length for length in lengths])
-    assert len(entries()) == 3 == len(list((cache / "programs").iterdir()))
-    assert len(folders(cache)) == 4
+    assert len(entries()) == 3 and len(list((cache / "programs").iterdir())) == 3 + 2
+    assert len(folders(cache)) == 3 + len(["generators", "interfaces", "programs"])
 
 
 def killed(cache: Path, child, rounds: int, seed: int) -> None:
