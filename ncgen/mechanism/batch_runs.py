@@ -27,7 +27,7 @@ from ncgen.toolchain.abi import InC, declared, runtime_abi
 
 SOURCES = (
     "ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_block.h", "ncgen_block.c", "ncgen_block_steps.c",
-    "ncgen_stage_sums.h", "ncgen_step_rules.h", *RUNTIME_HEADERS,
+    "ncgen_stage_sums.h", "ncgen_step_rules.h", "ncgen_stiff_steps.h", *RUNTIME_HEADERS,
 )  # fmt: skip
 
 

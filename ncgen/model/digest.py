@@ -68,11 +68,7 @@ def _words(value: Any, known: set[int], words: list[str]) -> None:
         known.add(id(value))
         words.append(kind.__name__)
         for name in names:
-            member = getattr(value, name)
-            if member.__class__ is float:
-                words.append(member.hex())
-            else:
-                _words(member, known, words)
+            _words(getattr(value, name), known, words)
     else:
         _rare(value, known, words)
 
@@ -82,10 +78,7 @@ def _parts(value: Any, known: set[int], words: list[str]) -> None:
     words.append(f"{len(value)} parts")
     items = cast("Iterable[Any]", value.items() if isinstance(value, dict) else value)
     for item in items:
-        if item.__class__ is float:
-            words.append(item.hex())
-        else:
-            _words(item, known, words)
+        _words(item, known, words)
 
 
 def _rare(value: Any, known: set[int], words: list[str]) -> None:

@@ -210,9 +210,8 @@ class PolynomialLoads(BodyElements):
             raise ModelError(f"{where}: {body.name} has no point that moves; give a body with points")
         three_components(position, where, False)
         first = body.points[0]
-        begins = (
-            first.initial.tolist() if all(map(is_number, position)) else first.given
-        )  # a place in numbers is one of the initial position
+        # A place in numbers is one of the initial position, whatever parameters the point's own place has.
+        begins = first.initial.tolist() if all(map(is_number, position)) else first.given
         offset = [as_sympy(x) - y for x, y in zip(position, begins, strict=True)]
         return as_combination(first) + self.direction_of(body, offset, "arm") if any(offset) else as_combination(first)
 

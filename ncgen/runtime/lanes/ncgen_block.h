@@ -9,7 +9,7 @@
 #include "ncgen_runtime.h"
 
 #define R(x) ((ncgen_scalar)(x##L))
-#include "ncgen_step_rules.h"
+#include "ncgen_stiff_steps.h"
 #include "ncgen_tableaus.h"
 
 #ifdef _OPENMP

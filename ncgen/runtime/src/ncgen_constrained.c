@@ -255,7 +255,7 @@ static int take(ncgen_run *r, ncgen_constrained *w, ncgen_real *yd)
 static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
-    if (r->is_driven && ncgen_read_inputs(r, t) != NCGEN_OK)
+    if (ncgen_read_inputs(r, t) != NCGEN_OK)
         return 0; /* the same is found again, and reported, on the way by the matrix */
     ncgen_recursive_derivative(r, t, q, qd, yd);
     return take(r, w, yd);

@@ -2,6 +2,7 @@
 #include "ncgen_explicit.h"
 #include "ncgen_constrained.h"
 #include "ncgen_method.h"
+#include "ncgen_step_rules.h"
 #include "ncgen_stiffness.h"
 
 enum { REPEAT_LIMIT = 8 };

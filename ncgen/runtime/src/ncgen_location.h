@@ -3,7 +3,7 @@
 #define NCGEN_LOCATION_H
 
 #include "ncgen_state.h"
-#include "ncgen_step_rules.h"
+#include "ncgen_stiff_steps.h"
 
 enum { NCGEN_MOST_STAGES = 24 };
 

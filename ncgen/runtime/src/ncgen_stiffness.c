@@ -1,7 +1,6 @@
 /* ncgen_stiffness.c: whether a mechanism is stiff, before the first step of an explicit method and from its steps. */
 #include "ncgen_stiffness.h"
 #include "ncgen_constrained.h"
-#include "ncgen_step_rules.h"
 
 enum {
     SELDOM = 1000,  /* accepted steps between two looks where no implicit method could go on, and as long as nothing speaks for it */

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -175,20 +175,24 @@ class RunUnderWay:
         coordinates."""
         from ncgen.solver.events.loop import through_events
 
-        first, changed = self.choice.method, list[float]()
+        first = self.choice.method
+        changed: float | None = None  # from this time on the implicit method carries the run
 
         def implicit_task(t: float) -> Task | None:
+            nonlocal changed
             with self._going_on(t, first):
                 if not self._becomes_implicit(recurs=True):
                     return None
-                changed.append(t)
+                changed = t
                 return self._task()
 
         def one_part(path: Path, kernels: Kernels, task: Task) -> str | None:
-            with self._going_on(changed[-1], first) if changed else nullcontext():
-                if (reason := engine(path, kernels, task)) and changed:
+            if changed is None:
+                return engine(path, kernels, task)
+            with self._going_on(changed, first):
+                if reason := engine(path, kernels, task):
                     raise ConvergenceError(reason)
-                return reason
+            return None
 
         return through_events(one_part, self.path, kernels, task, self.passage, implicit_task if may_change else None)
 
