@@ -244,8 +244,8 @@ class TreeRows(TreeVelocities):
         return np.array([1.0 if screw.point else np.max(self.around.columns) for screw in self.screws])
 
     def _rates_of_links(self) -> tuple[np.ndarray, list[int]]:
-        """Rates (tries, screws) of the first joint of every link that follows no other, and of what follows it there, then of the second and
-        so on; and how many each link has, of those that others follow elsewhere among them."""
+        """Rates (tries, screws) of the first joint of every link, then of the second and so on, what follows the same joint at once; and how
+        many such rates each link has."""
         sizes, leaders = self._sizes_of_rates(), self.coupled.leaders
         free = [list(dict.fromkeys(leaders.get(k, (k, 1.0))[0] for k in joint)) for joint in self.own]
         rates = np.zeros((max(map(len, free)), len(sizes)))
