@@ -74,7 +74,7 @@ def test_problems_inside_cvode_come_out(name):
     """A mechanism that locks says so, although the position problem fails below C code."""
     _needed(name)
     kernels = ncgen.compile(ncgen.load("nfourbar"), "c")
-    with pytest.raises((ConvergenceError, SingularError), match="cannot go on beyond t = 0.7"):
+    with pytest.raises((ConvergenceError, SingularError), match="cannot continue beyond t = 0.7"):
         ncgen.simulate(kernels, 1.0, integrator=name, zd0={"B0.x": 1.0})
 
 
