@@ -241,11 +241,11 @@ class TreeRows(TreeVelocities):
 
     def _sizes_of_rates(self) -> np.ndarray:
         """Natural sizes of the rates of all joints: 1 rad/s, or the largest coordinate's."""
-        return np.array([1.0 if screw.point else np.max(self.around.columns) for screw in self.screws])
+        return np.where([screw.point is not None for screw in self.screws], 1.0, np.max(self.around.columns))
 
     def _rates_of_links(self) -> tuple[np.ndarray, list[int]]:
-        """Rates (tries, screws) of the first joint of every link, then of the second and so on, what follows the same joint at once; and how
-        many such rates each link has."""
+        """Rates (tries, screws) of the first joint of every link, then of the second and so on, of those that follow the same joint at once;
+        and how many each link has."""
         sizes, leaders = self._sizes_of_rates(), self.coupled.leaders
         free = [list(dict.fromkeys(leaders.get(k, (k, 1.0))[0] for k in joint)) for joint in self.own]
         rates = np.zeros((max(map(len, free)), len(sizes)))
