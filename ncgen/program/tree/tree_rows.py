@@ -244,8 +244,8 @@ class TreeRows(TreeVelocities):
         return np.where([screw.point is not None for screw in self.screws], 1.0, np.max(self.around.columns))
 
     def _rates_of_links(self) -> tuple[np.ndarray, list[int]]:
-        """Rates (tries, screws) of the first joint of every link, then of the second and so on, of those that follow the same joint at once;
-        and how many each link has."""
+        """Rates (tries, screws) of the first joint of every link, then of the second and so on, and how many each link has; joints of a
+        link that follow the same one count as one."""
         sizes, leaders = self._sizes_of_rates(), self.coupled.leaders
         free = [list(dict.fromkeys(leaders.get(k, (k, 1.0))[0] for k in joint)) for joint in self.own]
         rates = np.zeros((max(map(len, free)), len(sizes)))
