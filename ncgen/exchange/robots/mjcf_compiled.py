@@ -102,9 +102,9 @@ class Family(NamedTuple):
     def seen_meshes(self) -> int:
         """How many geoms name a mesh, if they are all in bodies whose inertia the file gives, and no sensor asks where they are; else 0."""
         elements = [each.attributes for root in self.roots for each in root.walk()]
-        asked = any(each.get("inertiafromgeom") == "true" or "geom" in (each.get("objtype"), each.get("reftype")) for each in elements)
+        is_needed = any(each.get("inertiafromgeom") == "true" or "geom" in (each.get("objtype"), each.get("reftype")) for each in elements)
         count = sum("mesh" in each for each in elements)
-        return 0 if asked or any(_needs_mesh(root, False) for root in self.roots) else count
+        return 0 if is_needed or any(_needs_mesh(root, False) for root in self.roots) else count
 
 
 def _needs_mesh(element: Markup, is_given: bool) -> bool:

@@ -263,7 +263,7 @@ class TreeRows(TreeVelocities):
         """
         roots, leaders = self._roots(), self.coupled.leaders
         joints: dict[int, list[int]] = defaultdict(list)
-        leading = (link for link, own in enumerate(self.own) for k in own if k not in leaders)
+        leading = (link for link, joint in enumerate(self.own) for k in joint if k not in leaders)
         for number, link in enumerate(leading):
             joints[roots[link]].append(number)
         one_each = np.zeros((max(map(len, joints.values())), self.freedoms))
@@ -315,7 +315,7 @@ def ranks_of(matrices: Sequence[np.ndarray]) -> list[int]:
         alike[matrix.shape].append(k)
     for numbers in alike.values():
         together = np.array([matrices[k] for k in numbers])
-        found = np.linalg.matrix_rank(together, tol=RELATIVE_TOLERANCE) if together.size else np.zeros(len(numbers), dtype=int)
-        for k, rank in zip(numbers, found.tolist(), strict=True):
+        computed = np.linalg.matrix_rank(together, tol=RELATIVE_TOLERANCE) if together.size else np.zeros(len(numbers), dtype=int)
+        for k, rank in zip(numbers, computed.tolist(), strict=True):
             ranks[k] = rank
     return ranks
