@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -115,7 +116,7 @@ class _Walk:
         kind = value.__class__
         if kind is float:
             return self._float(value)
-        if kind is str or kind is bool or value is None:
+        if kind is str or kind is int or kind is bool or value is None:
             self.words.append(repr(value))
             return value
         if kind in (tuple, list, dict):
@@ -160,6 +161,10 @@ class _Walk:
 
     def _collection(self, value: Any) -> Any:
         self.words.append(f"{len(value)} parts")
+        if self._trace is None:
+            for member in chain.from_iterable(value.items()) if isinstance(value, dict) else value:
+                self._copy(member)
+            return value
         if isinstance(value, dict):
             return {self._copy(key): self._copy(member) for key, member in value.items()}
         members = [self._copy(member) for member in value]

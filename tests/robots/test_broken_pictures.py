@@ -1,5 +1,6 @@
 """Pictures never stop the dynamics: what is wrong in a visual, a collision or a shape is listed, and the robot is read."""
 
+import numpy as np
 import pytest
 
 import ncgen
@@ -115,4 +116,37 @@ def test_a_picture_that_is_a_height_field_is_read(tmp_path):
     path = mjcf(tmp_path, asset='<texture type="2d" file="h.png"/><hfield name="h" file="h.png" size="1 1 1 1"/>')
     (tmp_path / "m" / "h.png").write_bytes(b"no picture")
     with pytest.raises(ModelError, match=r"h\.png"):
+        ncgen.load(path)
+
+
+@pytest.mark.parametrize("name", ["no.obj", "no.STL"])
+def test_meshes_are_not_read_where_masses_are_given(tmp_path, name):
+    """Where no inertia is that of a mesh, MuJoCo does not read it, which takes longer than all else; the file says where it is seen."""
+    pytest.importorskip("mujoco")
+    path = mjcf(tmp_path, file=name, scale=' scale="1 2 3"')
+    path.write_text(path.read_text().replace('type="mesh"', 'type="mesh" pos="0.1 0.2 0.3"', 1))
+    (tmp_path / "m" / name).write_bytes(b"no mesh")
+    model = ncgen.load(path)
+    mesh, _ = model.drawing.solids
+    assert model.bodies["b"].inertia.mass == 3.0 and mesh.sizes == (1.0, 2.0, 3.0) and mesh.file.endswith(name)
+    assert mesh.position == pytest.approx([0.1, 0.2, 1.3], abs=1e-15) and mesh.rotation == pytest.approx(np.eye(3), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (INERTIAL, ""),
+        ("<compiler", '<compiler inertiafromgeom="true"'),
+        ('type="mesh"', 'type="box"'),
+        ("</body>", '</body><body><geom type="mesh" mesh="x"/></body>'),
+        ("</mujoco>", '<sensor><framepos objtype="geom" objname="g"/></sensor></mujoco>'),
+        ("<asset>", '<default><geom mesh="x"/></default><asset>'),
+    ],
+)
+def test_meshes_are_read_where_more_than_looks_depends_on_them(tmp_path, old, new):
+    pytest.importorskip("mujoco")
+    path = mjcf(tmp_path, geom='<geom name="g" type="mesh" mesh="x"/>')
+    path.write_text(path.read_text().replace(old, new, 1))
+    (tmp_path / "m" / "here.obj").write_bytes(b"no mesh")
+    with pytest.raises(ModelError, match="at least 4 vertices required"):
         ncgen.load(path)

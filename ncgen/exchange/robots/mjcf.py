@@ -18,7 +18,7 @@ from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.mjcf_actuators import actuators
-from ncgen.exchange.robots.mjcf_compiled import Compiled, Family, compiled, family, file_of
+from ncgen.exchange.robots.mjcf_compiled import MESH, Compiled, Family, compiled, family, file_of
 from ncgen.exchange.robots.mjcf_equalities import Apart, equalities
 from ncgen.exchange.robots.mjcf_fields import (
     AT_JOINT,
@@ -46,7 +46,7 @@ WORLD = "world"
 KINDS = ("floating", "spherical", "prismatic", "revolute")
 """By MuJoCo's numbers of joint types."""
 
-PLANE, MESH, SHAPES = 0, 7, {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box"}
+PLANE, SHAPES = 0, {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box"}
 """MuJoCo's numbers of geometries."""
 
 LAST_SEEN = 2

@@ -1,7 +1,8 @@
 """A program of its own: MuJoCo's C library compiles one MJCF file, within limits. It imports neither ncgen nor MuJoCo's Python package.
 
 python -I -S mjcf_child.py LIBRARY PLUGINS FILE FOLDER SECONDS writes FOLDER/model.mjb, and FOLDER/told.json with "error" or "warnings".
-FOLDER/textures.json names pictures that nobody looks at, [[path, columns, rows]]: MuJoCo takes plain ones of so many dots for them.
+FOLDER/unread.json names files that only looks depend on, [[path, columns, rows]]: MuJoCo takes plain pictures of so many dots, and small
+solids, for them.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import contextlib
 import ctypes
 import json
 import os
+import struct
 import sys
 from typing import NoReturn
 
@@ -19,7 +21,13 @@ MEMORY = 4 << 30
 MAX_MODEL_BYTES = 1 << 30
 """Bytes of the compiled model."""
 
-TEXTURES = "textures.json"
+UNREAD_FILES = "unread.json"
+
+PLAIN_MESHES = (".obj", ".stl")
+"""What the names of meshes end with that a small solid can stand for."""
+
+CORNERS, FACES = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)), ((0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2))
+"""Of such a solid, a tetrahedron."""
 
 MAX_VFS_BYTES = 1 << 14
 """Bytes of a virtual file system, which is a pointer in MuJoCo 3.2 and later."""
@@ -48,9 +56,9 @@ def main(library: str, plugins: str, file: str, folder: str, seconds: int) -> No
     if plugins:
         mujoco.mj_loadAllPluginLibraries(os.fsencode(plugins), None)
     problem = ctypes.create_string_buffer(2000)
-    textures = _textures(os.path.join(folder, TEXTURES))
-    model = textures and mujoco.mj_loadXML(os.fsencode(file), _plain_pictures(mujoco, textures), problem, len(problem))
-    if not model:  # without textures, or they do not suit
+    unread = _unread(os.path.join(folder, UNREAD_FILES))
+    model = unread and mujoco.mj_loadXML(os.fsencode(file), _plain_files(mujoco, unread), problem, len(problem))
+    if not model:  # without such files, or they do not suit
         warnings.clear()
         model = mujoco.mj_loadXML(os.fsencode(file), None, problem, len(problem))
     if not model:
@@ -59,8 +67,8 @@ def main(library: str, plugins: str, file: str, folder: str, seconds: int) -> No
     finish("", 0)
 
 
-def _textures(path: str) -> list[tuple[str, int, int]]:
-    """Pictures, and how many dots wide and high they are; none where there is no such file."""
+def _unread(path: str) -> list[tuple[str, int, int]]:
+    """Files, and how many dots wide and high they are as pictures; none where there is no such file."""
     try:
         with open(path, encoding="utf-8") as file:
             return json.load(file)
@@ -68,23 +76,35 @@ def _textures(path: str) -> list[tuple[str, int, int]]:
         return []
 
 
-def _plain_pictures(mujoco: ctypes.CDLL, textures: list[tuple[str, int, int]]) -> ctypes.Array[ctypes.c_char]:
-    """MuJoCo's virtual file system with black pictures (PNG) in the place of others: decoding these would take longer than all else."""
-    import struct
+def _plain_files(mujoco: ctypes.CDLL, unread: list[tuple[str, int, int]]) -> ctypes.Array[ctypes.c_char]:
+    """MuJoCo's virtual file system with plain files in the place of others: reading these would take longer than all else."""
+    mujoco.mj_addBufferVFS.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_char_p, ctypes.c_int]
+    files = ctypes.create_string_buffer(MAX_VFS_BYTES)
+    mujoco.mj_defaultVFS(files)
+    for name, columns, rows in unread:
+        plain = _picture(columns, rows) if columns else _solid(name.lower().endswith(".obj"))
+        mujoco.mj_addBufferVFS(files, os.fsencode(name), plain, len(plain))
+    return files
+
+
+def _picture(columns: int, rows: int) -> bytes:
+    """A black picture (PNG)."""
     import zlib
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
-    mujoco.mj_addBufferVFS.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_char_p, ctypes.c_int]
-    files = ctypes.create_string_buffer(MAX_VFS_BYTES)
-    mujoco.mj_defaultVFS(files)
-    for name, columns, rows in textures:
-        header = chunk(b"IHDR", struct.pack(">IIBBBBB", columns, rows, 8, 2, 0, 0, 0))
-        dots = chunk(b"IDAT", zlib.compress((b"\0" + bytes(3 * columns)) * rows))
-        picture = b"\x89PNG\r\n\x1a\n" + header + dots + chunk(b"IEND", b"")
-        mujoco.mj_addBufferVFS(files, os.fsencode(name), picture, len(picture))
-    return files
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", columns, rows, 8, 2, 0, 0, 0))
+    dots = chunk(b"IDAT", zlib.compress((b"\0" + bytes(3 * columns)) * rows))
+    return b"\x89PNG\r\n\x1a\n" + header + dots + chunk(b"IEND", b"")
+
+
+def _solid(is_obj: bool) -> bytes:
+    """A mesh of few triangles (OBJ, or binary STL)."""
+    if is_obj:
+        return b"".join([b"v %d %d %d\n" % each for each in CORNERS] + [b"f %d %d %d\n" % (a + 1, b + 1, c + 1) for a, b, c in FACES])
+    triangles = [struct.pack("<12fH", 0, 0, 0, *CORNERS[a], *CORNERS[b], *CORNERS[c], 0) for a, b, c in FACES]
+    return bytes(80) + struct.pack("<I", len(FACES)) + b"".join(triangles)
 
 
 def _limit(seconds: int) -> None:

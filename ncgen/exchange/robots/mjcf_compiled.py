@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from ncgen.errors import ModelError, NcgenError, shown
 from ncgen.exchange.robots.markup import Markup, read_markup
-from ncgen.exchange.robots.mjcf_child import TEXTURES
+from ncgen.exchange.robots.mjcf_child import PLAIN_MESHES, UNREAD_FILES
 from ncgen.exchange.robots.mjcf_kept import keep_model, kept_model, key_of
 from ncgen.exchange.text import placed
 from ncgen.files import contents, is_file, is_there, write_text
@@ -49,6 +49,9 @@ MOST_FILES = 1000
 MAX_COUNTS = {"nbody": 20_000, "njnt": 20_000, "ngeom": 100_000, "neq": 20_000}
 """Bodies and so on that are read: a line of text can ask for millions of copies."""
 
+MESH = 7
+"""MuJoCo's number of meshes among geometries."""
+
 WORDS = {"nbody": "bodies", "njnt": "joints", "ngeom": "geoms", "neq": "equalities"}
 
 FOLDERS = ("meshdir", "texturedir", "assetdir", "modeldir")
@@ -64,12 +67,13 @@ PLUGINS_WITHOUT_FILES = {f"mujoco.sdf.{shape}" for shape in ("bolt", "bowl", "ge
 """Plugins of MuJoCo that make shapes of their settings alone, which takes longer than all else."""
 
 
-class Texture(NamedTuple):
-    """Where MuJoCo may look for a picture (PNG), and how many dots wide and high one of its kind is at least."""
+class UnreadFile(NamedTuple):
+    """Where MuJoCo may look for a file that nothing but looks depends on, and how many dots wide and high a picture (PNG) of its kind is at
+    least."""
 
     path: str
-    columns: int
-    rows: int
+    columns: int = 0
+    rows: int = 0
 
 
 class Family(NamedTuple):
@@ -82,16 +86,33 @@ class Family(NamedTuple):
     files: frozenset[str]
     folders: list[Path]
 
-    def textures(self) -> list[Texture]:
-        """The pictures that are textures and nothing else: how bodies move does not depend on them."""
+    def unread(self, with_meshes: bool) -> list[UnreadFile]:
+        """The files that are textures, and with_meshes also meshes, and nothing else: how bodies move does not depend on them."""
         named = [pair for root in self.roots for pair in named_files(root)]
-        needed = {_stripped(name) for element, name in named if element.tag != "texture"}
+        needed = {_stripped(name) for element, name in named if element.tag not in (("texture", "mesh") if with_meshes else ("texture",))}
         sizes: dict[str, set[tuple[int, int]]] = {}
         for element, name in named:
-            if name.endswith(".png") and _stripped(name) not in needed:
-                sizes.setdefault(name, set()).add(_least_size(element))
+            is_mesh = element.tag == "mesh" and name.lower().endswith(PLAIN_MESHES) and "content_type" not in element.attributes
+            if (name.endswith(".png") or is_mesh) and _stripped(name) not in needed:
+                sizes.setdefault(name, set()).add((0, 0) if is_mesh else _least_size(element))
         paths = [(folder / name, *several) for name, several in sizes.items() if len(several) == 1 for folder in self.folders]
-        return [Texture(str(path.absolute()), *size) for path, size in paths if is_file(path)]
+        return [UnreadFile(str(path.absolute()), *size) for path, size in paths if is_file(path)]
+
+    @property
+    def seen_meshes(self) -> int:
+        """How many geoms name a mesh, if they are all in bodies whose inertia the file gives, and no sensor asks where they are; else 0."""
+        elements = [each.attributes for root in self.roots for each in root.walk()]
+        is_needed = any(each.get("inertiafromgeom") == "true" or "geom" in (each.get("objtype"), each.get("reftype")) for each in elements)
+        count = sum("mesh" in each for each in elements)
+        return 0 if is_needed or any(_needs_mesh(root, False) for root in self.roots) else count
+
+
+def _needs_mesh(element: Markup, is_given: bool) -> bool:
+    """Whether anything but what a geom looks like may depend on a mesh; is_given: whether the body around has its inertia in the file."""
+    if "mesh" in element.attributes and not (is_given and element.tag == "geom"):
+        return True
+    inside = {"worldbody": True, "body": element.first("inertial") is not None, "frame": is_given}
+    return any(_needs_mesh(child, inside.get(element.tag, False)) for child in element.children)
 
 
 def _least_size(texture: Markup) -> tuple[int, int]:
@@ -199,7 +220,7 @@ def compiled(path: Path, whole: Family | None = None, text: str | None = None) -
     if key and (known := kept_model(key)):
         model, messages = known
     else:
-        model, messages = _compiled_now(path, library, text, whole.textures() if whole else ())
+        model, messages = _compiled_by_need(path, library, text, whole)
         for name, most in MAX_COUNTS.items():
             if getattr(model, name) > most:
                 raise ModelError(placed(path.name, None, f"it has {getattr(model, name)} {WORDS[name]}, and {most} are read; take fewer"))
@@ -223,15 +244,24 @@ def _library(path: Path) -> Path:
     return library
 
 
-def _compiled_now(path: Path, library: Path, text: str | None, textures: Sequence[Texture]) -> tuple[Compiled, list[str]]:
-    """The model of a file, and what MuJoCo warns of; textures: that are not read. Raises ModelError."""
+def _compiled_by_need(path: Path, library: Path, text: str | None, whole: Family | None) -> tuple[Compiled, list[str]]:
+    """The model of a file, and what MuJoCo warns of; meshes are read where more than looks depends on them."""
+    if whole and (count := whole.seen_meshes):
+        model, messages = _compiled_now(path, library, text, whole.unread(True))
+        if sum(model.geom_type == MESH) == count:  # else shapes of other kinds have the sizes of meshes
+            return model, messages
+    return _compiled_now(path, library, text, whole.unread(False) if whole else ())
+
+
+def _compiled_now(path: Path, library: Path, text: str | None, unread: Sequence[UnreadFile]) -> tuple[Compiled, list[str]]:
+    """The model of a file, and what MuJoCo warns of; unread: files that are not read. Raises ModelError."""
     with tempfile.TemporaryDirectory(prefix="ncgen-mjcf-") as folder:
         file = path
         if text is not None:
             file = Path(folder) / path.name
             write_text(file, text)
-        if textures:
-            write_text(Path(folder) / TEXTURES, json.dumps(textures))
+        if unread:
+            write_text(Path(folder) / UNREAD_FILES, json.dumps(unread))
         messages = _run(file, library, Path(folder))
         mujoco: Any = import_module("mujoco")
         before = mujoco.get_mju_user_warning()

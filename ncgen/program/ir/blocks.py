@@ -222,17 +222,22 @@ class Pattern:
         return np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
 
     @cached_property
+    def columns(self) -> np.ndarray:
+        """Column of every nonzero."""
+        return np.array(self.indices, dtype=int)
+
+    @cached_property
     def flat(self) -> np.ndarray:
         """Position of every nonzero in the dense matrix, row by row."""
-        return self.rows * self.shape[1] + np.array(self.indices, dtype=int)
+        return self.rows * self.shape[1] + self.columns
 
     def times(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
         """The product of the matrix of these values with a vector, shape (rows,)."""
-        return np.bincount(self.rows, weights=values * x[np.array(self.indices, dtype=int)], minlength=self.shape[0])
+        return np.bincount(self.rows, weights=values * x[self.columns], minlength=self.shape[0])
 
     def diagonal(self, values: np.ndarray) -> np.ndarray:
         """The diagonal of the matrix of these values, shape (rows,)."""
-        on_it = self.rows == np.array(self.indices, dtype=int)
+        on_it = self.rows == self.columns
         return np.bincount(self.rows[on_it], weights=values[on_it], minlength=self.shape[0])
 
     def dense(self, values: np.ndarray) -> np.ndarray:

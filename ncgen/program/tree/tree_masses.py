@@ -136,13 +136,14 @@ def heaviness_of(tree: TreeVelocities, pattern: Pattern, masses: np.ndarray, q: 
     for c, (e, _) in tree.where.items():
         heaviest_entry[e], size[e] = max(heaviest_entry[e], diagonal[c]), columns[c]
     heaviness, homes, components = heaviest_entry * size**2, np.array(tree.home), np.array(tree.components)
-    moved = tree.velocities(q, np.eye(len(tree.screws))) if tree.screws else np.zeros((0, len(columns)))
-    for link, rates in enumerate(tree.own):
-        carried = np.flatnonzero(homes == link)
+    moved = tree.velocities(q, np.ones(len(tree.screws)), alone=True)
+    ends = np.searchsorted(homes, range(len(tree.own) + 1))
+    for rates, first, last in zip(tree.own, ends, ends[1:], strict=False):
+        carried = np.arange(first, last)
         heaviest = np.max(heaviness[carried], initial=0.0) or 1.0
         heaviness[carried] = np.maximum(heaviness[carried] / heaviest, MASSLESS_FRACTION) / size[carried] ** 2
         if len(rates) == 1 and len(carried):
-            reach = np.sum(moved[rates.start][components[carried]] ** 2, axis=1)
+            reach = np.sum(moved[components[carried]] ** 2, axis=1)
             best = carried[np.argmax(heaviness[carried] * reach)]
             heaviness[carried[carried != best]] = 0.0
     return heaviness.tolist()

@@ -222,24 +222,67 @@ class TreeRows(TreeVelocities):
 
     def _random(self) -> np.ndarray:
         """Rates of all joints that have nothing in common, but that some follow others, in natural sizes."""
-        free = np.random.default_rng(3).uniform(0.5, 1.5, (RANDOM, len(self.screws) - len(self.coupled.leaders)))
-        return free @ self._joint_rates()
+        return self._rates(np.random.default_rng(3).uniform(0.5, 1.5, (RANDOM, self.freedoms)))
 
-    def _joint_rates(self) -> np.ndarray:
-        """Rates (free, screws) of one joint each, in natural sizes, which others follow."""
-        sizes = np.array([1.0 if screw.point else np.max(self.around.columns) for screw in self.screws])
-        rates = np.diag(sizes)
-        for screw, (leader, ratio) in self.coupled.leaders.items():
-            rates[leader, screw] = ratio * sizes[leader]
-        return np.delete(rates, list(self.coupled.leaders), axis=0)
+    @property
+    def freedoms(self) -> int:
+        """Of all joints that follow no others, loops being open."""
+        return len(self.screws) - len(self.coupled.leaders)
+
+    def _rates(self, free: np.ndarray) -> np.ndarray:
+        """Rates (…, screws) of all joints at those (…, freedoms) of joints that follow no others, in natural sizes."""
+        sizes, leaders = self._sizes_of_rates(), self.coupled.leaders
+        leading = np.delete(np.arange(len(sizes)), list(leaders))
+        rates = np.zeros((*free.shape[:-1], len(sizes)))
+        rates[..., leading] = free * sizes[leading]
+        for screw, (leader, ratio) in leaders.items():
+            rates[..., screw] = free[..., np.searchsorted(leading, leader)] * (ratio * sizes[leader])
+        return rates
+
+    def _sizes_of_rates(self) -> np.ndarray:
+        """Natural sizes of the rates of all joints: 1 rad/s, or the largest coordinate's."""
+        return np.where([screw.point is not None for screw in self.screws], 1.0, np.max(self.around.columns))
+
+    def _rates_of_links(self) -> tuple[np.ndarray, list[int]]:
+        """Rates (tries, screws) of the first joint of every link, then of the second and so on, and how many each link has; joints of a
+        link that follow the same one count as one."""
+        sizes, leaders = self._sizes_of_rates(), self.coupled.leaders
+        free = [list(dict.fromkeys(leaders.get(k, (k, 1.0))[0] for k in joint)) for joint in self.own]
+        rates = np.zeros((max(map(len, free)), len(sizes)))
+        for joint, numbers in zip(self.own, free, strict=True):
+            for k in joint:
+                leader, ratio = leaders.get(k, (k, 1.0))
+                rates[numbers.index(leader), k] = ratio * sizes[leader]
+        return rates, list(map(len, free))
 
     def least_inertia(self, q: np.ndarray, pattern: Pattern, masses: np.ndarray) -> float:
-        """How far the mass matrix of the joints is from a motion without inertia: see `inertia_matrix`.
+        """How far the mass matrix of the joints is from a motion without inertia: see `inertia_matrix`. It is found for each link on the
+        ground with all that it carries, at once.
 
         pattern, masses: of M at q
         """
-        moved = self.velocities(q, self._joint_rates())[:, : self.n]
-        return least_inertia(np.array([pattern.times(masses, v) for v in moved]) @ moved.T)
+        roots, leaders = self._roots(), self.coupled.leaders
+        joints: dict[int, list[int]] = defaultdict(list)
+        leading = (link for link, joint in enumerate(self.own) for k in joint if k not in leaders)
+        for number, link in enumerate(leading):
+            joints[roots[link]].append(number)
+        one_each = np.zeros((max(map(len, joints.values())), self.freedoms))
+        for numbers in joints.values():
+            one_each[range(len(numbers)), numbers] = 1.0
+        moved = self.velocities(q, self._rates(one_each))[:, : self.n]
+        momenta, roots_of_coordinates = np.array([pattern.times(masses, v) for v in moved]), np.array(roots)[self.group]
+        parts = ((len(numbers), roots_of_coordinates == root) for root, numbers in joints.items())
+        return min(least_inertia(momenta[:count, inside] @ moved[:count, inside].T) for count, inside in parts)
+
+    def _roots(self) -> list[int]:
+        """Of every link the one on the ground that carries it, the first one of those whose joints follow one another."""
+        roots: list[int] = []
+        for number, link in enumerate(self.tree.links):
+            roots.append(number if link.parent is None else roots[link.parent])
+        for group in range(len(self.coupled.carriers)):
+            together = {root for root, other in zip(roots, self.coupled.groups, strict=True) if other == group}
+            roots = [min(together) if root in together else root for root in roots]
+        return roots
 
     def _opposed(self, sample: SampledPosition, rows: Sequence[int]) -> list[int]:
         """Those of some rows that do not allow what the joints do. Raises NoTables where joints move a fixed component."""
@@ -256,10 +299,23 @@ class TreeRows(TreeVelocities):
 
     def ranks(self, sample: SampledPosition) -> Iterator[tuple[int, int, int]]:
         """Of every link the rank of the rows that close it, how many they are, and what their rank must be."""
-        values = self.in_natural_sizes(sample)
-        for link, unknowns in enumerate(self.unknowns):
+        values, scaled = self.in_natural_sizes(sample), []
+        for link in range(len(self.unknowns)):
             block = self.block(link, values)
             largest = np.max(np.abs(block), axis=1, initial=0.0)
-            scaled = block / np.where(largest > RELATIVE_TOLERANCE, largest, 1.0)[:, None]
-            rank = int(np.linalg.matrix_rank(scaled, tol=RELATIVE_TOLERANCE)) if block.size else 0
-            yield rank, len(block), len(unknowns) - sum(k not in self.coupled.leaders for k in self.own[link])
+            scaled.append(block / np.where(largest > RELATIVE_TOLERANCE, largest, 1.0)[:, None])
+        for link, (rank, block) in enumerate(zip(ranks_of(scaled), scaled, strict=True)):
+            yield rank, len(block), len(self.unknowns[link]) - sum(k not in self.coupled.leaders for k in self.own[link])
+
+
+def ranks_of(matrices: Sequence[np.ndarray]) -> list[int]:
+    """The ranks of matrices whose entries are of order one, those of one shape together."""
+    ranks, alike = [0] * len(matrices), defaultdict[tuple[int, ...], list[int]](list)
+    for k, matrix in enumerate(matrices):
+        alike[matrix.shape].append(k)
+    for numbers in alike.values():
+        together = np.array([matrices[k] for k in numbers])
+        computed = np.linalg.matrix_rank(together, tol=RELATIVE_TOLERANCE) if together.size else np.zeros(len(numbers), dtype=int)
+        for k, rank in zip(numbers, computed.tolist(), strict=True):
+            ranks[k] = rank
+    return ranks

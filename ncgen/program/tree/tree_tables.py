@@ -17,7 +17,7 @@ from ncgen.program.ir.blocks import Pattern
 from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, Couplings, NoTables, couplings, followed
 from ncgen.program.tree.tree_homes import with_homes
 from ncgen.program.tree.tree_masses import heaviness_of, masses_of
-from ncgen.program.tree.tree_rows import ENTRY_ROUNDING, RANDOM, Around, SampledPosition, TreeRows
+from ncgen.program.tree.tree_rows import ENTRY_ROUNDING, RANDOM, Around, SampledPosition, TreeRows, ranks_of
 from ncgen.symbolic.numbering import Numbering
 from ncgen.symbolic.tree import Tree
 
@@ -83,11 +83,6 @@ class OpenTree(TreeRows):
                 raise
         return couplings(self.tree, {})
 
-    @property
-    def freedoms(self) -> int:
-        """Of all joints that follow no others, loops being open."""
-        return len(self.screws) - len(self.coupled.leaders)
-
     # -- positions -----------------------------------------------------------------------------
 
     def _places(self) -> list[SampledPosition]:
@@ -129,7 +124,7 @@ class OpenTree(TreeRows):
                 if not np.max(np.abs(sample.phi), initial=0.0) <= LARGEST_RESIDUAL:
                     break
                 joints = np.linalg.lstsq(self._over_joints(sample, self.leading), -sample.phi[self.leading], rcond=RELATIVE_TOLERANCE)[0]
-                q = q + self.velocities(q, joints @ self._joint_rates())[: self.n]
+                q = q + self.velocities(q, self._rates(joints))[: self.n]
         raise NoTables("bodies do not close one after the other")
 
     def _closed_loops(self, guesses: Sequence[np.ndarray], sample_at: Callable[[np.ndarray], SampledPosition]) -> SampledPosition | None:
@@ -200,16 +195,16 @@ class OpenTree(TreeRows):
 
     def _over_joints(self, sample: SampledPosition, rows: Sequence[int]) -> np.ndarray:
         """Φ_q of rows over the rates of joints: (rows, free)."""
-        moved = self.velocities(sample.q, self._joint_rates())[:, : self.n]
+        moved = self.velocities(sample.q, self._rates(np.eye(self.freedoms)))[:, : self.n]
         return np.array([self.pattern.times(sample.phi_q, v)[rows] for v in moved]).T / self.around.rows[rows, None]
 
     def _allowed(self, sample: SampledPosition) -> np.ndarray:
         """Random rates (tries, screws) of all joints that loops allow."""
         if not self.closing:
             return self._random()
-        jacobian, joints = self._over_joints(sample, self.closing), self._joint_rates()
-        free = np.random.default_rng(4).uniform(0.5, 1.5, (RANDOM, len(joints)))
-        return (free - free @ np.linalg.pinv(jacobian, rcond=RELATIVE_TOLERANCE) @ jacobian) @ joints
+        jacobian = self._over_joints(sample, self.closing)
+        free = np.random.default_rng(4).uniform(0.5, 1.5, (RANDOM, self.freedoms))
+        return self._rates(free - free @ np.linalg.pinv(jacobian, rcond=RELATIVE_TOLERANCE) @ jacobian)
 
     def _has_closed_loops(self, sample: SampledPosition) -> bool:
         return bool(np.max(np.abs(sample.phi[self.closing]), initial=0.0) <= POSITION_RESIDUAL)
@@ -242,12 +237,11 @@ class OpenTree(TreeRows):
 
     def _check_shown(self, q: np.ndarray) -> None:
         """Raise NoTables where a joint's motion moves nothing that stands with its link."""
-        rates = self._joint_rates()
-        moved = self._moved(q, rates)[:, : self.n] / self.around.columns
-        for link, joint in enumerate(self.own):
-            free = np.any(rates[:, joint] != 0, axis=1)
-            coordinates = [c for c in self.unknowns[link] if c < self.n]
-            if np.linalg.matrix_rank(moved[free][:, coordinates], tol=RELATIVE_TOLERANCE) < np.sum(free):
+        rates, freedoms = self._rates_of_links()
+        moved = self.velocities(q, rates, alone=True)[:, : self.n] / self.around.columns
+        blocks = [moved[:free, [c for c in each if c < self.n]] for free, each in zip(freedoms, self.unknowns, strict=True)]
+        for link, (rank, free) in enumerate(zip(ranks_of(blocks), freedoms, strict=True)):
+            if rank < free:
                 raise NoTables(f"what shows how {self.tree.links[link].body} moves stands with bodies at the other end of a loop")
 
     def _check_rows(self, sample: SampledPosition, rows: Sequence[int]) -> None:

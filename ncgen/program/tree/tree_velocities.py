@@ -99,18 +99,21 @@ class TreeVelocities:
         """Coordinates, fixed components behind them: (n + fixed,)."""
         return np.append(q, [component.initial for component in self.fixed])
 
-    def velocities(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """q̇ (…, n) at rates (…, screws) of the joints, those of fixed components behind it: (…, n + fixed)."""
+    def velocities(self, q: np.ndarray, rates: np.ndarray, alone: bool = False) -> np.ndarray:
+        """q̇ (…, n) at rates (…, screws) of the joints, those of fixed components behind it: (…, n + fixed).
+
+        alone: what each link's own joint gives, as if its parent were at rest
+        """
         qd = np.zeros((*rates.shape[:-1], self.n + len(self.fixed)))
-        qd[..., self._positions] = self.carried(q, rates, np.arange(len(self.elements)), self.home)
+        qd[..., self._positions] = self.carried(q, rates, np.arange(len(self.elements)), self.home, alone)
         for c, (k, ratio) in self.measured.items():
             qd[..., c] = ratio * rates[..., k]
         return qd
 
-    def carried(self, q: np.ndarray, rates: np.ndarray, elements: np.ndarray, links: list[int]) -> np.ndarray:
-        """Velocities (…, elements, 3) of elements as links carry them, of each its own."""
+    def carried(self, q: np.ndarray, rates: np.ndarray, elements: np.ndarray, links: list[int], alone: bool = False) -> np.ndarray:
+        """Velocities (…, elements, 3) of elements as links carry them, of each its own; alone: as of `velocities`."""
         values, is_point = self.values(q), self.is_point[elements][:, None]
-        turning, along, origins = self._twists(values, rates)
+        turning, along, origins = self._twists(values, rates, alone)
         levers = values[self._positions[elements]] - np.where(is_point, origins[links], 0.0)
         return cross(turning[..., links, :], levers) + np.where(is_point, along[..., links, :], 0.0)
 
@@ -127,7 +130,7 @@ class TreeVelocities:
             apart[kind] = np.any(gaps[:, kind] > RELATIVE_TOLERANCE * size, axis=(0, 2))
         return {pair: not is_apart for pair, is_apart in zip(both, apart.tolist(), strict=True)}
 
-    def _twists(self, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _twists(self, values: np.ndarray, rates: np.ndarray, alone: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of every link its angular velocity and that of its reference point (…, links, 3), and where that is (links, 3)."""
         axes = np.zeros((len(self.terms), 3))
         for weights, coordinates in self._axes:
@@ -135,7 +138,7 @@ class TreeVelocities:
         origins = values[self._origins]
         turning, along = (np.zeros((*rates.shape[:-1], len(origins), 3)) for _ in range(2))
         for links, parents, joints in self._levels:
-            if len(parents):
+            if parents and not alone:
                 turning[..., links, :] = turning[..., parents, :]
                 along[..., links, :] = along[..., parents, :] + cross(turning[..., parents, :], origins[links] - origins[parents])
             for turns, carriers, screws in joints:
