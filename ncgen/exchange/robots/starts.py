@@ -10,6 +10,7 @@ import numpy as np
 
 from ncgen.exchange.robots.placement import Placement, rotation_about
 from ncgen.exchange.robots.robot import Joint, Robot, RobotState
+from ncgen.model.arithmetic import cross
 from ncgen.model.elements import Point, Relative, Spatial
 
 
@@ -38,12 +39,12 @@ def named_start(
     moving = {robot.root: _Moving(frames[robot.root], still, still)}
     for joint in robot.joints:
         moving[joint.child] = _carried(moving[joint.parent], joint, start)
-    q0, qd0 = dict[str, float](), dict[str, float]()
+    q0, qd0, inverses = dict[str, float](), dict[str, float](), {link: frame.inverse() for link, frame in frames.items()}
     for element, (link, initial) in elements.items():
-        now, before = moving[link], frames[link].inverse()
+        now, before = moving[link], inverses[link]
         is_point = isinstance(element, Point)
         arm = now.frame.along(before.at(initial) if is_point else before.along(initial))
-        position, rate = (now.frame.position + arm if is_point else arm), np.cross(now.turning, arm) + (now.velocity if is_point else 0.0)
+        position, rate = (now.frame.position + arm if is_point else arm), cross(now.turning, arm) + (now.velocity if is_point else 0.0)
         for component, value, change in zip(element.components, position.tolist(), rate.tolist(), strict=True):
             if not component.fixed:
                 q0[component.name], qd0[component.name] = value, change
@@ -62,14 +63,14 @@ def _carried(parent: _Moving, joint: Joint, start: RobotState) -> _Moving:
         return _Moving(frame, velocity, frame.along(turning))
     at_joint = parent.frame @ joint.placement
     arm = at_joint.position - parent.frame.position
-    velocity, turning = parent.velocity + np.cross(parent.turning, arm), parent.turning
+    velocity, turning = parent.velocity + cross(parent.turning, arm), parent.turning
     value, rate = start.values.get(joint.name, joint.start) - joint.start, start.rates.get(joint.name, 0.0)
     axis = at_joint.along(joint.axis)
     if joint.kind == "revolute":
         return _Moving(at_joint @ Placement(rotation_about(joint.axis, value)), velocity, turning + rate * axis)
     if joint.kind == "prismatic":
         slid = value * axis
-        return _Moving(at_joint @ Placement(position=value * joint.axis), velocity + rate * axis + np.cross(turning, slid), turning)
+        return _Moving(at_joint @ Placement(position=value * joint.axis), velocity + rate * axis + cross(turning, slid), turning)
     if joint.name in start.turned:
         rotation, velocity_in_joint = start.turned[joint.name]
         child = at_joint @ Placement(rotation)
