@@ -230,7 +230,7 @@ class TreeRows(TreeVelocities):
         return len(self.screws) - len(self.coupled.leaders)
 
     def _rates(self, free: np.ndarray) -> np.ndarray:
-        """Rates (…, screws) of all joints at those (…, freedoms) of joints that follow no others, in natural sizes."""
+        """Rates (…, screws) of all joints at those (…, free) of joints that follow no others, in natural sizes."""
         sizes, leaders = self._sizes_of_rates(), self.coupled.leaders
         leading = np.delete(np.arange(len(sizes)), list(leaders))
         rates = np.zeros((*free.shape[:-1], len(sizes)))
