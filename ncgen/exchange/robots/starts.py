@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,27 +23,35 @@ class _Moving:
     turning: np.ndarray
 
 
+def places_in_links(members: Mapping[str, Iterable[Spatial]], frames: Mapping[str, Placement]) -> dict[Spatial, tuple[str, np.ndarray]]:
+    """{element: its link, and where it is in the link's frame (3,)}, of elements by links; frames: as of `named_start`."""
+    places: dict[Spatial, tuple[str, np.ndarray]] = {}
+    for name, elements in members.items():
+        inverse = frames[name].inverse()
+        for each in elements:
+            places[each] = name, inverse.at(each.initial) if isinstance(each, Point) else inverse.along(each.initial)
+    return places
+
+
 def named_start(
     start: RobotState,
     robot: Robot,
     frames: Mapping[str, Placement],
-    elements: Mapping[Spatial, tuple[str, np.ndarray]],
+    places: Mapping[Spatial, tuple[str, np.ndarray]],
     coordinates: Mapping[str, Relative],
 ) -> dict[str, Any]:
     """Arguments of `ncgen.simulate` for a state of a file.
 
-    robot: without fixed joints; frames: of its links where the model begins; elements: {element: its link, and where it is then (3,)};
-    coordinates: by joint
+    robot: without fixed joints; frames: of its links where the model begins; places: of `places_in_links`; coordinates: by joint
     """
     still = np.zeros(3)
     moving = {robot.root: _Moving(frames[robot.root], still, still)}
     for joint in robot.joints:
         moving[joint.child] = _carried(moving[joint.parent], joint, start)
-    q0, qd0, inverses = dict[str, float](), dict[str, float](), {link: frame.inverse() for link, frame in frames.items()}
-    for element, (link, initial) in elements.items():
-        now, before = moving[link], inverses[link]
-        is_point = isinstance(element, Point)
-        arm = now.frame.along(before.at(initial) if is_point else before.along(initial))
+    q0, qd0 = dict[str, float](), dict[str, float]()
+    for element, (link, local) in places.items():
+        now, is_point = moving[link], isinstance(element, Point)
+        arm = now.frame.along(local)
         position, rate = (now.frame.position + arm if is_point else arm), cross(now.turning, arm) + (now.velocity if is_point else 0.0)
         for component, value, change in zip(element.components, position.tolist(), rate.tolist(), strict=True):
             if not component.fixed:
