@@ -18,7 +18,7 @@ from ncgen.exchange.robots import read_robot
 from ncgen.exchange.robots.closures import closures_of, with_closures
 from ncgen.exchange.robots.mjcf_keyframes import start_of
 from ncgen.exchange.robots.robot import Robot, together
-from ncgen.exchange.robots.starts import named_start, places_in_links
+from ncgen.exchange.robots.starts import named_start, positions_in_links
 from ncgen.model.elements import Point, Spatial
 from ncgen.model.names import word
 
@@ -76,7 +76,7 @@ class Beside:
         links = {word(name, "link"): name for name in frames}
         bodies = self.model.bodies.values()
         members = {links[body.name]: [e for e in body.elements if isinstance(e, Spatial)] for body in bodies}
-        self.places = places_in_links(members, frames)
+        self.places = positions_in_links(members, frames)
         self.frames = frames
         self.names = [m.joint(j).name or f"joint{j}" for j in range(m.njnt)]
         self.relative = {name: self.model.elements[word(name, "joint")] for name in self.names if word(name, "joint") in self.joints}

@@ -151,12 +151,12 @@ class _Builder:
 
     def _start(self) -> None:
         """Named starts."""
-        from ncgen.exchange.robots.starts import named_start, places_in_links
+        from ncgen.exchange.robots.starts import named_start, positions_in_links
 
         frames = self.layout.frames
-        places = places_in_links({solid.name: self.bodies[solid].elements for solid in self.layout.solids.values()}, frames)
+        positions = positions_in_links({solid.name: self.bodies[solid].elements for solid in self.layout.solids.values()}, frames)
         for name, start in self.robot.starts.items():
-            self.model.starts[name] = named_start(start, self.robot, frames, places, self.coordinates)
+            self.model.starts[name] = named_start(start, self.robot, frames, positions, self.coordinates)
 
     def _elements(self) -> None:
         fixed = set(self.layout.ground.planned)

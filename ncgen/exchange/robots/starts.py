@@ -23,33 +23,33 @@ class _Moving:
     turning: np.ndarray
 
 
-def places_in_links(members: Mapping[str, Iterable[Spatial]], frames: Mapping[str, Placement]) -> dict[Spatial, tuple[str, np.ndarray]]:
+def positions_in_links(members: Mapping[str, Iterable[Spatial]], frames: Mapping[str, Placement]) -> dict[Spatial, tuple[str, np.ndarray]]:
     """{element: its link, and where it is in the link's frame (3,)}, of elements by links; frames: as of `named_start`."""
-    places: dict[Spatial, tuple[str, np.ndarray]] = {}
+    positions: dict[Spatial, tuple[str, np.ndarray]] = {}
     for name, elements in members.items():
         inverse = frames[name].inverse()
         for each in elements:
-            places[each] = name, inverse.at(each.initial) if isinstance(each, Point) else inverse.along(each.initial)
-    return places
+            positions[each] = name, inverse.at(each.initial) if isinstance(each, Point) else inverse.along(each.initial)
+    return positions
 
 
 def named_start(
     start: RobotState,
     robot: Robot,
     frames: Mapping[str, Placement],
-    places: Mapping[Spatial, tuple[str, np.ndarray]],
+    positions: Mapping[Spatial, tuple[str, np.ndarray]],
     coordinates: Mapping[str, Relative],
 ) -> dict[str, Any]:
     """Arguments of `ncgen.simulate` for a state of a file.
 
-    robot: without fixed joints; frames: of its links where the model begins; places: of `places_in_links`; coordinates: by joint
+    robot: without fixed joints; frames: of its links where the model begins; positions: of `positions_in_links`; coordinates: by joint
     """
     still = np.zeros(3)
     moving = {robot.root: _Moving(frames[robot.root], still, still)}
     for joint in robot.joints:
         moving[joint.child] = _carried(moving[joint.parent], joint, start)
     q0, qd0 = dict[str, float](), dict[str, float]()
-    for element, (link, local) in places.items():
+    for element, (link, local) in positions.items():
         now, is_point = moving[link], isinstance(element, Point)
         arm = now.frame.along(local)
         position, rate = (now.frame.position + arm if is_point else arm), cross(now.turning, arm) + (now.velocity if is_point else 0.0)
