@@ -125,7 +125,7 @@ def _told_apart(model: Model, key: str | None) -> tuple[str, list[float], int]:
     entry = kept(recall.KIND, named)
     if entry is None:
         entry = tell()
-        keep(recall.KIND, named, entry)
+        keep(recall.KIND, named, entry, recall.MAX_ENTRY_BYTES)
     digest, numbers, rates = entry
     return digest, numbers, rates
 

@@ -121,7 +121,7 @@ class Contents:
             Length in m; 0 where all points are in one place.
         """
         count, low, high = self._box or (0, np.full(3, np.inf), np.full(3, -np.inf))
-        for element in islice(self.elements.values(), count, None):
+        for element in islice(reversed(self.elements.values()), len(self.elements) - count):
             if isinstance(element, Point):
                 low, high = np.minimum(low, element.initial), np.maximum(high, element.initial)
         self._box = (len(self.elements), low, high)

@@ -106,11 +106,10 @@ BUILT_IN = {STEP.name: STEP}
 
 def check_curves(model: Contents, word: str, arguments: Mapping[str, object]) -> None:
     """Refuse expressions with curves of another model among the arguments of a builder method."""
-    known = {**model.curves, **BUILT_IN}
     for key, argument in arguments.items():
         for each in argument if isinstance(argument, (list, tuple)) else (argument,):
             for curve in curves_in(each) if is_symbolic(each) else ():
-                if known.get(curve.name) != curve:
+                if {**model.curves, **BUILT_IN}.get(curve.name) != curve:
                     raise foreign(f"{word}, {key}", repr(curve))
 
 

@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
 from functools import cache
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +76,7 @@ def _words(value: Any, known: set[int], words: list[str]) -> None:
 def _parts(value: Any, known: set[int], words: list[str]) -> None:
     """Add a collection."""
     words.append(f"{len(value)} parts")
-    items = cast("Iterable[Any]", value.items() if isinstance(value, dict) else value)
+    items: Iterable[Any] = value.items() if isinstance(value, dict) else value
     for item in items:
         _words(item, known, words)
 

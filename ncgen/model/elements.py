@@ -79,8 +79,25 @@ def coordinate_of(name: str) -> str:
     return name[5:-1] if name.startswith("rate(") and name.endswith(")") else name
 
 
+class Located:
+    """What has numbers in the initial position, which are found once."""
+
+    @cached_property
+    def _initial(self) -> np.ndarray:
+        raise NotImplementedError
+
+    @property
+    def initial(self) -> np.ndarray:
+        """The numbers of the initial position, shape (3,), of an element with one component (1,); no weight may be a parameter."""
+        return self._initial.copy()
+
+    def __getstate__(self) -> dict[str, object]:
+        """All but what is found again."""
+        return {name: value for name, value in vars(self).items() if name != "_initial"}
+
+
 @dataclass(frozen=True, eq=False)
-class Element:
+class Element(Located):
     """What points, vectors and angles share: a name and one or three components.
 
     word: what such an element is called in messages
@@ -96,18 +113,9 @@ class Element:
     def __repr__(self) -> str:
         return f"{self.word} {self.name}"
 
-    @property
-    def initial(self) -> np.ndarray:
-        """The numbers of the initial position, shape (len(components),)."""
-        return self._initial.copy()
-
     @cached_property
     def _initial(self) -> np.ndarray:
         return np.array([c.initial for c in self.components])
-
-    def __getstate__(self) -> dict[str, object]:
-        """All but what is found again."""
-        return {name: value for name, value in vars(self).items() if name != "_initial"}
 
     @property
     def given(self) -> tuple[Scalar, ...]:
@@ -202,7 +210,7 @@ class Length(Relative):
 
 
 @dataclass(frozen=True, eq=False)
-class Combination:
+class Combination(Located):
     """A linear combination of points and vectors, such as the segment `r4 - r2`.
 
     `terms` holds (weight, element) pairs; a weight is a number or an expression of parameters.
@@ -228,9 +236,8 @@ class Combination:
 
     __rmul__ = __mul__
 
-    @property
-    def initial(self) -> np.ndarray:
-        """The vector in the initial position, shape (3,); weights that are parameters are not allowed here."""
+    @cached_property
+    def _initial(self) -> np.ndarray:
         position = np.zeros(3)
         for weight, element in self.terms:
             position += float(weight) * element._initial

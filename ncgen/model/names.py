@@ -43,9 +43,13 @@ def numbered(wish: str, is_taken: Callable[[str], bool]) -> str:
     return name
 
 
+SIGNS = str.maketrans("", "", "_.")
+"""What names consist of besides letters and digits."""
+
+
 def check_word(name: object, kind: str) -> str:
     """The name, unless it is no word of letters, digits, '_' and '.' that begins with a letter: that is refused."""
-    if not isinstance(name, str) or not name or not all(c.isalnum() or c in "_." for c in name) or not name[0].isalpha():
+    if not isinstance(name, str) or not name or not name.translate(SIGNS).isalnum() or not name[0].isalpha():
         raise ModelError(f"{kind} name {shown(name)}: give a word of letters, digits and '_' that begins with a letter")
     if len(name) > LONGEST_NAME:
         raise ModelError(f"{kind} name {shown(name)}: it has {len(name)} characters; use at most {LONGEST_NAME}")

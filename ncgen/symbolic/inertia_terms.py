@@ -114,7 +114,7 @@ def _add_constant_mass(
                 continue
             for weight, a in form:
                 for factor, b in other:
-                    contribution = entry * _exact(weight * factor, entry)
+                    contribution = entry if weight * factor == 1 else entry * _exact(weight * factor, entry)
                     is_alone = (a, b) not in of_elements
                     amount = contribution if is_alone else of_elements[a, b][0] + contribution
                     of_elements[a, b] = amount, (name, k, l) if is_alone and weight * factor == 1 else None

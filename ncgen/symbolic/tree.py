@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from heapq import heapify, heappop, heappush
 from itertools import accumulate, pairwise
+from weakref import WeakKeyDictionary
 
 from ncgen.model import Model
 from ncgen.model.bodies import Body
@@ -68,12 +69,23 @@ class Tree:
         return links[::-1]
 
 
+_known: WeakKeyDictionary[Model, dict[tuple[int, bool], Tree]] = WeakKeyDictionary()
+"""{model: {how much it had been told, and how its tree was asked for: the tree}}."""
+
+
 def spanning_tree(model: Model, closes_loops_last: bool = False) -> Tree:
-    """The tree of a model's bodies.
+    """The tree of a model's bodies, found once.
 
     closes_loops_last: whether a body that has elements which rest hangs on the ground, whatever its joint, and of joints with as many
         degrees of freedom the one that the model has first is taken, so that what its last joints add to bodies closes loops
     """
+    trees, key = _known.setdefault(model, {}), (len(model.facts), closes_loops_last)
+    if key not in trees:
+        trees[key] = _spanning_tree(model, closes_loops_last)
+    return trees[key]
+
+
+def _spanning_tree(model: Model, closes_loops_last: bool) -> Tree:
     waiting, sliding = [body for body in model.bodies.values() if _is_solid(body)], sliding_of(model)
     loose = tuple(body for body in model.bodies.values() if not _is_solid(body))
     links: list[TreeLink] = []

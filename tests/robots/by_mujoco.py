@@ -18,7 +18,7 @@ from ncgen.exchange.robots import read_robot
 from ncgen.exchange.robots.closures import closures_of, with_closures
 from ncgen.exchange.robots.mjcf_keyframes import start_of
 from ncgen.exchange.robots.robot import Robot, together
-from ncgen.exchange.robots.starts import named_start
+from ncgen.exchange.robots.starts import named_start, positions_in_links
 from ncgen.model.elements import Point, Spatial
 from ncgen.model.names import word
 
@@ -75,7 +75,8 @@ class Beside:
                     self.at[element] = i, d.xmat[i].reshape(3, 3).T @ away
         links = {word(name, "link"): name for name in frames}
         bodies = self.model.bodies.values()
-        self.places = {e: (links[body.name], e.initial) for body in bodies for e in body.elements if isinstance(e, Spatial)}
+        members = {links[body.name]: [e for e in body.elements if isinstance(e, Spatial)] for body in bodies}
+        self.places = positions_in_links(members, frames)
         self.frames = frames
         self.names = [m.joint(j).name or f"joint{j}" for j in range(m.njnt)]
         self.relative = {name: self.model.elements[word(name, "joint")] for name in self.names if word(name, "joint") in self.joints}

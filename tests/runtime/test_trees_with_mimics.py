@@ -174,3 +174,24 @@ def test_an_implicit_method_moves_groups_by_their_first_joint(gripper, monkeypat
     assert (run.engine, exact.engine) == ("tree", "tree")
     assert run.statistics.jacobians < run.statistics.steps / 5
     assert np.max(np.abs(run.q - exact.q) / gripper.column_sizes) < 1e-5
+
+
+@pytest.mark.parametrize("mimic", ["", MIMIC.format("left", -1.5, 0.0)])
+def test_the_inertia_of_trees_that_hang_apart_is_that_of_all_of_them(tmp_path, mimic):
+    """The least eigenvalue of the mass matrix of the joints, scaled to a diagonal of 1, as a null space of the constraints has it."""
+    joints = (
+        ("left", "revolute", "base", "upper", "0 0 0", "0 1 0", ""),
+        ("elbow", "revolute", "upper", "lower", "0 0 -0.4", "1 0 0", ""),
+        ("right", "revolute", "base", "other", "1 0 0", "0 1 0", mimic),
+        ("wrist", "revolute", "other", "hand", "0.05 0 -0.1", "0 0.6 0.8", ""),
+        ("alone", "revolute", "base", "third", "2 0 0", "1 0 0", ""),
+    )
+    kernels = ncgen.compile(ncgen.load(written(tmp_path, joints)), backend="numpy")
+    tree, masses = open_tree(kernels), kernels.values("mass", 0.0, kernels.q0, None, kernels.p0)
+    allowed = null_space(kernels.phi_q(kernels.q0).toarray())
+    free = [kernels.coordinates.index(name) for name, *_, follows in joints if not follows]
+    moved = allowed @ np.linalg.inv(allowed[free])
+    inertia = moved.T @ kernels.mass_pattern.dense(masses) @ moved
+    sizes = np.sqrt(np.diag(inertia))
+    expected = np.linalg.eigvalsh(inertia / np.outer(sizes, sizes))[0]
+    assert tree.least_inertia(kernels.q0, kernels.mass_pattern, masses) == pytest.approx(expected, rel=1e-9)

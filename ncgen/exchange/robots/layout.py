@@ -7,6 +7,7 @@ so that it has an affine basis (García de Jalón & Bayo 1994, section 2.2).
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -124,6 +125,11 @@ class Layer:
         self.near, self.parallel = POINT_TOLERANCE * self.size, PARALLEL_IN_LOOPS if robot.loops else PARALLEL
         self.solids = {name: RobotSolid(name) for name in self.frames}
         self.holds: list[Hold] = []
+        self.carriers: dict[str, list[Hold]] = defaultdict(list)
+        self.hinges: dict[str, list[Joint]] = defaultdict(list)
+        for joint in robot.joints:
+            if joint.kind == "revolute":
+                self.hinges[joint.parent].append(joint)
 
     def layout(self) -> Layout:
         if self.apart:
@@ -132,6 +138,7 @@ class Layer:
                 self.solids[name].take(PlannedElement(f"r_{name}", self.frames[name].position, True, name))
         for joint in (*self.robot.joints, *self.robot.loops):
             self.holds.append(self._hold(joint))
+            self.carriers[joint.child].append(self.holds[-1])
         root = self.solids[self.robot.root]
         ground = RobotSolid("ground") if self.floating else self.solids.pop(self.robot.root)
         for name, solid in self.solids.items():
@@ -205,7 +212,7 @@ class Layer:
         parent itself hangs on this axis the point is another one: sharing both would join the child to the parent's parent, too.
         """
         origin, axis = self._origin(hold.joint), self._axis(hold.joint)
-        taken = next((h.start for h in self.holds if h.child is hold.parent and h.axis is hold.axis), None)
+        taken = next((h.start for h in self.carriers[hold.parent.name] if h.axis is hold.axis), None)
         rests = hold.parent.name == self.robot.root and not self.floating
         shared = () if self.apart else hold.child.points if rests else (*hold.parent.points, *hold.child.points)
         for point in shared:
@@ -215,8 +222,7 @@ class Layer:
             return hold.child.take(hold.parent.take(self._point(hold, "r", origin + POINT_OFFSET * self.size * axis)))
         if self.apart:
             return hold.child.take(hold.parent.take(self._point(hold, "r", origin)))
-        next_ones = (joint for joint in self.robot.joints if joint.parent == hold.child.name and joint.kind == "revolute")
-        meetings = (self._meeting(origin, axis, self._origin(joint), self._axis(joint)) for joint in next_ones)
+        meetings = (self._meeting(origin, axis, self._origin(joint), self._axis(joint)) for joint in self.hinges[hold.child.name])
         position = min((m for m in meetings if m is not None), key=lambda m: norm(m - origin), default=origin)
         return hold.child.take(hold.parent.take(self._point(hold, "r", position)))
 

@@ -151,12 +151,12 @@ class _Builder:
 
     def _start(self) -> None:
         """Named starts."""
-        from ncgen.exchange.robots.starts import named_start
+        from ncgen.exchange.robots.starts import named_start, positions_in_links
 
-        moving = [(solid.name, self.bodies[solid].elements) for solid in self.layout.solids.values()]
-        moving_elements = {each: (name, each.initial) for name, elements in moving for each in elements}
+        frames = self.layout.frames
+        positions = positions_in_links({solid.name: self.bodies[solid].elements for solid in self.layout.solids.values()}, frames)
         for name, start in self.robot.starts.items():
-            self.model.starts[name] = named_start(start, self.robot, self.layout.frames, moving_elements, self.coordinates)
+            self.model.starts[name] = named_start(start, self.robot, frames, positions, self.coordinates)
 
     def _elements(self) -> None:
         fixed = set(self.layout.ground.planned)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -265,7 +266,7 @@ class Robot:
             self, links={world: Link(name=world, mass=None), **self.links}, joints=joints, loops=loops, base=Placement(), floats=False
         )
 
-    @property
+    @cached_property
     def root(self) -> str:
         """The link that hangs on no other."""
         carried = {joint.child for joint in self.joints}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from ncgen.exchange.robots.placement import Placement, rotation_about
 from ncgen.exchange.robots.robot import Joint, Robot, RobotState
+from ncgen.model.arithmetic import cross
 from ncgen.model.elements import Point, Relative, Spatial
 
 
@@ -22,28 +23,36 @@ class _Moving:
     turning: np.ndarray
 
 
+def positions_in_links(members: Mapping[str, Iterable[Spatial]], frames: Mapping[str, Placement]) -> dict[Spatial, tuple[str, np.ndarray]]:
+    """{element: its link, and where it is in the link's frame (3,)}, of elements by links; frames: as of `named_start`."""
+    positions: dict[Spatial, tuple[str, np.ndarray]] = {}
+    for name, elements in members.items():
+        inverse = frames[name].inverse()
+        for each in elements:
+            positions[each] = name, inverse.at(each.initial) if isinstance(each, Point) else inverse.along(each.initial)
+    return positions
+
+
 def named_start(
     start: RobotState,
     robot: Robot,
     frames: Mapping[str, Placement],
-    elements: Mapping[Spatial, tuple[str, np.ndarray]],
+    positions: Mapping[Spatial, tuple[str, np.ndarray]],
     coordinates: Mapping[str, Relative],
 ) -> dict[str, Any]:
     """Arguments of `ncgen.simulate` for a state of a file.
 
-    robot: without fixed joints; frames: of its links where the model begins; elements: {element: its link, and where it is then (3,)};
-    coordinates: by joint
+    robot: without fixed joints; frames: of its links where the model begins; positions: of `positions_in_links`; coordinates: by joint
     """
     still = np.zeros(3)
     moving = {robot.root: _Moving(frames[robot.root], still, still)}
     for joint in robot.joints:
         moving[joint.child] = _carried(moving[joint.parent], joint, start)
     q0, qd0 = dict[str, float](), dict[str, float]()
-    for element, (link, initial) in elements.items():
-        now, before = moving[link], frames[link].inverse()
-        is_point = isinstance(element, Point)
-        arm = now.frame.along(before.at(initial) if is_point else before.along(initial))
-        position, rate = (now.frame.position + arm if is_point else arm), np.cross(now.turning, arm) + (now.velocity if is_point else 0.0)
+    for element, (link, local) in positions.items():
+        now, is_point = moving[link], isinstance(element, Point)
+        arm = now.frame.along(local)
+        position, rate = (now.frame.position + arm if is_point else arm), cross(now.turning, arm) + (now.velocity if is_point else 0.0)
         for component, value, change in zip(element.components, position.tolist(), rate.tolist(), strict=True):
             if not component.fixed:
                 q0[component.name], qd0[component.name] = value, change
@@ -62,14 +71,14 @@ def _carried(parent: _Moving, joint: Joint, start: RobotState) -> _Moving:
         return _Moving(frame, velocity, frame.along(turning))
     at_joint = parent.frame @ joint.placement
     arm = at_joint.position - parent.frame.position
-    velocity, turning = parent.velocity + np.cross(parent.turning, arm), parent.turning
+    velocity, turning = parent.velocity + cross(parent.turning, arm), parent.turning
     value, rate = start.values.get(joint.name, joint.start) - joint.start, start.rates.get(joint.name, 0.0)
     axis = at_joint.along(joint.axis)
     if joint.kind == "revolute":
         return _Moving(at_joint @ Placement(rotation_about(joint.axis, value)), velocity, turning + rate * axis)
     if joint.kind == "prismatic":
         slid = value * axis
-        return _Moving(at_joint @ Placement(position=value * joint.axis), velocity + rate * axis + np.cross(turning, slid), turning)
+        return _Moving(at_joint @ Placement(position=value * joint.axis), velocity + rate * axis + cross(turning, slid), turning)
     if joint.name in start.turned:
         rotation, velocity_in_joint = start.turned[joint.name]
         child = at_joint @ Placement(rotation)

@@ -230,7 +230,7 @@ class TreeRows(TreeVelocities):
         return len(self.screws) - len(self.coupled.leaders)
 
     def _rates(self, free: np.ndarray) -> np.ndarray:
-        """Rates (…, screws) of all joints at those (…, freedoms) of joints that follow no others, in natural sizes."""
+        """Rates (…, screws) of all joints at those (…, free) of joints that follow no others, in natural sizes."""
         sizes, leaders = self._sizes_of_rates(), self.coupled.leaders
         leading = np.delete(np.arange(len(sizes)), list(leaders))
         rates = np.zeros((*free.shape[:-1], len(sizes)))
@@ -266,13 +266,13 @@ class TreeRows(TreeVelocities):
         leading = (link for link, joint in enumerate(self.own) for k in joint if k not in leaders)
         for number, link in enumerate(leading):
             joints[roots[link]].append(number)
-        one_each = np.zeros((max(map(len, joints.values())), self.freedoms))
+        one_each = np.zeros((max(map(len, joints.values()), default=0), self.freedoms))
         for numbers in joints.values():
             one_each[range(len(numbers)), numbers] = 1.0
         moved = self.velocities(q, self._rates(one_each))[:, : self.n]
         momenta, roots_of_coordinates = np.array([pattern.times(masses, v) for v in moved]), np.array(roots)[self.group]
         parts = ((len(numbers), roots_of_coordinates == root) for root, numbers in joints.items())
-        return min(least_inertia(momenta[:count, inside] @ moved[:count, inside].T) for count, inside in parts)
+        return min((least_inertia(momenta[:count, inside] @ moved[:count, inside].T) for count, inside in parts), default=1.0)
 
     def _roots(self) -> list[int]:
         """Of every link the one on the ground that carries it, the first one of those whose joints follow one another."""

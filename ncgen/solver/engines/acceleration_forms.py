@@ -12,7 +12,7 @@ from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.open_tree import KnownTree, known_tree, tree_of, why_no_tables
+from ncgen.solver.positions.open_tree import KnownTree, known_tree, why_no_tables
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.choice import Choice, choose
 from ncgen.solver.runs.run import Run
@@ -138,7 +138,7 @@ def _has_few_rates(kernels: Kernels, most: int | None = None, least: int = 1) ->
     least, most: rates (default: MOST_RATES)
     """
     structure = numbered.of(kernels.programs)
-    freedoms = tree_of(kernels).dof if structure is None else structure.rates
+    freedoms = spanning_tree(kernels.model).dof if structure is None else structure.rates
     return least <= freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
 
 

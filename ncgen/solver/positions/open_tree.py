@@ -13,7 +13,7 @@ from ncgen.program.tree.couplings import NoTables
 from ncgen.program.tree.table_layout import TreeTables, tables_of
 from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPosition
 from ncgen.solver.positions.described_position import found_in_described
-from ncgen.symbolic.tree import Tree, spanning_tree
+from ncgen.symbolic.tree import spanning_tree
 
 PARAMETER_PERTURBATION = 0.03
 """By which share of theirs other parameters differ."""
@@ -65,11 +65,6 @@ def tree_with_loops(kernels: Kernels) -> OpenTree | None:
     return made if isinstance(made, OpenTree) else None
 
 
-def tree_of(kernels: Kernels) -> Tree:
-    """The spanning tree of a mechanism's bodies."""
-    return kernels.remember("spanning tree", (), lambda: spanning_tree(kernels.model))
-
-
 def _known(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
     return kernels.remember("tree with loops" if closes_loops else "open tree", (), lambda: _made(kernels, closes_loops))
 
@@ -87,7 +82,7 @@ def _made(kernels: Kernels, closes_loops: bool) -> OpenTree | str:
         )
     around = Around(kernels.q0, [partial(sampled, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
     try:
-        tree = spanning_tree(kernels.model, closes_loops_last=True) if closes_loops else tree_of(kernels)
+        tree = spanning_tree(kernels.model, closes_loops_last=closes_loops)
         return OpenTree(
             kernels.programs.equations, tree, (kernels.mass_pattern, kernels.phi_q_pattern), around, kernels.model.parameters, closes_loops
         )
