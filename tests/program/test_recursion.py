@@ -180,6 +180,13 @@ def test_too_few_positions_conclude_nothing():
         assemble_recursions(equations, split, found[:3], sizes)
 
 
+def test_one_position_with_other_parameters_concludes_nothing():
+    """Where no other position is found every ratio of entries seems constant, and an angle's acceleration was 24 % off."""
+    equations, split, found, sizes = Case(rolling_tip(parameter=True)).given
+    with pytest.raises(NoRecursion, match="too few positions"):
+        assemble_recursions(equations, split, [sample._replace(q=found[0].q) for sample in found], sizes)
+
+
 @pytest.mark.parametrize(
     "name, links, freedoms",
     [("robot", 8, 8), ("arm", 7, 7), ("fourbar", 3, 3), ("delta", 10, 24), ("stewart", 1, 6), ("pendulum", 0, 0), ("suspension", 4, 5)],
