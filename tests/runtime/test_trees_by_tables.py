@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import warnings
 
 import numpy as np
 import pytest
@@ -14,13 +15,25 @@ from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
 from ncgen.model import Model
 from ncgen.solver.engines import acceleration_forms, capabilities
-from ncgen.solver.positions.open_tree import open_tree
+from ncgen.solver.positions.open_tree import open_tree, why_no_tables
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
 from ncgen.symbolic.tree import Tree, TreeLink, by_depth
 
 
 def test_loops_have_no_tables():
     assert open_tree(ncgen.compile(ncgen.load("fourbar"))) is None
+
+
+def test_what_cannot_move_has_none_and_no_warning():
+    model = Model("welded")
+    A, B = model.point("A", (0, 0)), model.point("B", (1, 0))
+    body = model.body("plate", [A, B], mass=1.0, inertia=0.1)
+    model.rigid(model.ground, body)
+    kernels = ncgen.compile(model)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert open_tree(kernels) is None and "no motion" in why_no_tables(kernels)
+        assert ncgen.simulate(kernels, 0.1, points=2).q[-1] == pytest.approx(kernels.q0, abs=1e-14)
 
 
 def test_a_long_arm_begins_without_dense_matrices(monkeypatch):

@@ -103,7 +103,10 @@ class OpenTree(TreeRows):
         closed_places = [self._closed_loops([start.q], first) or start]
         for k, x in enumerate(self._allowed(start)):
             moved = self.velocities(start.q, x)[: self.n] * (-1) ** k
-            aside = moved / np.max(np.abs(moved) / self.around.columns)
+            size = np.max(np.abs(moved) / self.around.columns)
+            if not size > 0:
+                raise NoTables("its joints leave no motion")
+            aside = moved / size
             guesses = [start.q + distance * aside for distance in SAMPLE_DISTANCES]
             look = others[k % len(others)] if others else first
             closed_places.append(self._closed_loops(guesses, look) or self._closed(guesses[0], look))

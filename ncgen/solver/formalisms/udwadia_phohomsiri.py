@@ -10,6 +10,7 @@ import numpy as np
 
 from ncgen.solver.formalisms.instant import InstantMatrices
 from ncgen.solver.formalisms.kkt import undetermined
+from ncgen.solver.lapack import pseudoinverse, svd
 from ncgen.solver.positions.rank import RELATIVE_ZERO
 
 MIN_SINGULAR_VALUE = 1e-12
@@ -17,10 +18,11 @@ MIN_SINGULAR_VALUE = 1e-12
 
 
 def udwadia_phohomsiri(now: InstantMatrices) -> tuple[np.ndarray, np.ndarray]:
-    inverse = np.linalg.pinv(now.jacobian, rcond=RELATIVE_ZERO)
+    inverse = pseudoinverse(now.jacobian, RELATIVE_ZERO)
     allowed = np.eye(len(now.force)) - inverse @ now.jacobian
     stacked = np.vstack([allowed @ now.mass, now.jacobian])
-    x, _, rank, _ = np.linalg.lstsq(stacked, np.concatenate([allowed @ now.force, now.gamma]), rcond=MIN_SINGULAR_VALUE)
-    if rank < len(x):
+    left, values, right = svd(stacked)
+    if np.any(values <= MIN_SINGULAR_VALUE * np.max(values, initial=0.0)):
         raise undetermined(now.kernels, now.mass, now.jacobian)
+    x = right.T @ ((left.T @ np.concatenate([allowed @ now.force, now.gamma])) / values)
     return x, inverse.T @ (now.force - now.mass @ x)

@@ -16,6 +16,7 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import argument_checks
 from ncgen.solver.argument_checks import ArrayOrNamed
+from ncgen.solver.lapack import singular_values, svd
 from ncgen.solver.positions.described_position import found_in_described, is_described
 from ncgen.solver.positions.open_tree import known_tree, open_tree, sampled
 from ncgen.solver.positions.position import TOLERANCE, check_finite, solve_position
@@ -52,7 +53,7 @@ NEIGHBOUR = 1e-3
 
 def numerical_rank(jacobian: np.ndarray) -> int:
     """Rank by singular values."""
-    return _rank_of(np.linalg.svd(jacobian, compute_uv=False))
+    return _rank_of(singular_values(jacobian))
 
 
 def _rank_of(values: np.ndarray) -> int:
@@ -62,7 +63,7 @@ def _rank_of(values: np.ndarray) -> int:
 
 def null_space(jacobian: np.ndarray) -> np.ndarray:
     """An orthonormal basis of the null space, columns (n, n − rank)."""
-    _, values, right = np.linalg.svd(jacobian, full_matrices=True)
+    _, values, right = svd(jacobian, full=True)
     return right[_rank_of(values) :].T
 
 
@@ -217,7 +218,7 @@ def _has_rank(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rank: in
     positions = trial_positions(kernels, q, t, p, count=1)
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
     largest = _largest_rows(jacobians)
-    values = [np.linalg.svd(j / largest, compute_uv=False) for j in jacobians]
+    values = [singular_values(j / largest) for j in jacobians]
     return len(values) == 2 and all(_rank_of(v) == rank and (not rank or v[rank - 1] > CLEAR_FRACTION * v[0]) for v in values)
 
 
@@ -253,7 +254,7 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
     largest = _largest_rows(jacobians)
     jacobians = [j / largest for j in jacobians]
-    values = [np.linalg.svd(j, compute_uv=False) for j in jacobians]
+    values = [singular_values(j) for j in jacobians]
     ranks = list(map(_rank_of, values))
     rank = max(ranks)
     general = [j for j, r in zip(jacobians, ranks, strict=True) if r == rank]
@@ -317,5 +318,5 @@ def _extra_motions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, ran
     neighbours = trial_positions(kernels, q, t, p, distance=NEIGHBOUR)[1:]
     spaces = [null_space(scaled_jacobian(kernels, x, t, p) / largest) for x in neighbours]
     general = next((s for s in spaces if s.shape[1] == kernels.n - rank), np.zeros((kernels.n, 0)))
-    left, _, _ = np.linalg.svd(null_here.T @ general, full_matrices=True)
+    left, _, _ = svd(null_here.T @ general, full=True)
     return null_here @ left[:, general.shape[1] :]
