@@ -32,6 +32,7 @@ OF_THE_CASE = (
     "its independent coordinates are no relative ones",
     "it begins in a singular position",
     "drivers leave nothing free",
+    "no joint is away from its parent",
     "one processor",
     "no two processors with nothing else to do",
 )
