@@ -33,13 +33,14 @@ if TYPE_CHECKING:
 class Lines:
     """All terms of a mechanism written into one graph, a new one unless it is given.
 
-    rates: nodes of the velocities; loads of qd unless something else is put in their place
+    coordinates, rates: nodes of q and qd; loads of these unless something else is put in their place
     """
 
     def __init__(self, equations: Terms, graph: Graph | None = None) -> None:
         self.equations = equations
         self.graph = Graph() if graph is None else graph
         self.derived = Derived()
+        self.coordinates: list[int] = [self.graph.load("q", i) for i in range(len(equations.free))]
         self.rates: list[int] = [self.graph.load("qd", i) for i in range(len(equations.free))]
         self._parameters: dict[str, int] | None = None
 
@@ -71,6 +72,8 @@ class Lines:
         if kind == "lam":
             return self.graph.load("lam", bound.row)
         position = self.equations.index[bound.coordinates[k]]
+        if kind == "q":
+            return self.coordinates[position]
         return self.rates[position] if kind == "qd" else self.graph.load(kind, position)
 
     def value(self, value: Value | Exact) -> int:

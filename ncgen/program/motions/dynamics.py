@@ -23,9 +23,7 @@ from ncgen.errors import SingularError
 from ncgen.program.algebra.elimination import (
     EliminationError,
     Factors,
-    Matrix,
     dot,
-    factor,
     solve,
     solve_positive,
     solve_refined,
@@ -37,12 +35,13 @@ from ncgen.program.differentiation.prepared import take_out
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.ir.graph import Graph
-from ncgen.program.ir.sampling import Sample, Sampling
+from ncgen.program.ir.sampling import Sample
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.motions.motion import RecursiveMotions, among_projected, derivative_of, in_order_of_runs
 from ncgen.program.motions.sliding_derivatives import with_friction
+from ncgen.program.newton import dependent_factors, newton_step
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions, is_described
 from ncgen.program.tree.composite import massless
@@ -192,34 +191,22 @@ def cheapest(programs: dict[str, Program]) -> str:
     return min(programs, key=lambda name: cost(programs[name]).total)
 
 
-def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Sequence[Sample]) -> tuple[Matrix, Factors]:
-    """Φ_q^d over kept rows and dependent coordinates, renumbered, and its factors."""
-    row = {r: i for i, r in enumerate(split.rows)}
-    column = {c: j for j, c in enumerate(split.dependent)}
-    matrix = {(row[r], column[c]): node for (r, c), node in jacobian.items() if r in row and c in column}
-    return matrix, factor(lines.graph, matrix, len(split.rows), Sampling(lines.graph, samples).of(matrix))
-
-
 def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, moved: Sequence[int] | None = None) -> Program:
-    """What closes positions: from the angles of an open tree at once, else a step of Newton's method.
+    """What closes positions: from the angles of hinges at once, as far as these reach, else by a step of Newton's method.
 
     moved: coordinates whose Δq is wanted; None for the dependent ones
     """
     try:
         return assemble_closed_positions(equations, split, samples, np.asarray(sizes), moved)
-    except NoRecursion:
+    except (NoRecursion, EliminationError):
         return newton(equations, split, samples, moved)
 
 
 def newton(equations: Terms, split: Split, samples: Sequence[Sample], moved: Sequence[int] | None = None) -> Program:
     """The program newton(t, q, p) -> Δq of the coordinates `moved` (as for `closing`), Φ."""
     lines = Lines(equations)
-    graph = lines.graph
-    phi = lines.vector(KERNELS["phi"])
-    _, factors = _factor(lines, lines.matrix(KERNELS["phi_q"]), split, samples)
-    right = {i: graph.neg(phi[r]) for i, r in enumerate(split.rows) if r in phi}
-    step = {split.dependent[j]: node for j, node in solve(graph, factors, right).items()}
-    zero = graph.const(0.0)
+    step, phi = newton_step(lines, split, samples)
+    zero = lines.graph.const(0.0)
     steps = [step.get(c, zero) for c in (split.dependent if moved is None else moved)]
     residuals = [phi.get(r, zero) for r in range(len(equations.rows))]
     made = lines.program if moved is None else lines.draft
@@ -233,7 +220,7 @@ def by_all_coordinates(equations: Terms, split: Split, samples: Sequence[Sample]
     zero, one = graph.const(0.0), graph.const(1.0)
     n, nz = len(equations.free), len(split.independent)
     jacobian = lines.matrix(KERNELS["phi_q"])
-    matrix, factors = _factor(lines, jacobian, split, samples)
+    matrix, factors = dependent_factors(lines, jacobian, split, samples)
 
     def particular(right: dict[int, int]) -> dict[int, int]:
         """S·right: {coordinate: node}."""

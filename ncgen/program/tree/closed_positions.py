@@ -1,12 +1,15 @@
-"""Positions of an open tree of hinges from their angles, body by body outward, in place of a Newton step: exact, and much cheaper.
+"""Positions of hinges from their angles, body by body outward, in place of a Newton step: exact, and much cheaper.
 
 A hinge of axis n turns the direction a, which its angle is measured from, to b = cos ψ a + sin ψ n × a. With n and n × b it is a frame of
 the next body, whose elements are constant combinations of it (natural coordinates of rigid bodies are affine in any of its frames).
+Links of loops, whose hinges have no independent angles, take a step of Newton's method over their own coordinates alone, once what they
+hang on is placed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,7 +20,9 @@ from ncgen.model.values import is_number
 from ncgen.program.algebra.space import Space, Vector
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.sampling import Sample, Sampling
+from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
+from ncgen.program.newton import newton_step
 from ncgen.program.programs import Split
 from ncgen.program.tree.rates import NoRecursion, check_samples
 from ncgen.symbolic.numbering import Terms
@@ -46,59 +51,57 @@ class Hinge:
 def assemble_closed_positions(
     equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, moved: Sequence[int] | None = None
 ) -> Program:
-    """The program newton(t, q, p) -> the dependent coordinates; with `moved` Δq of these, which closes exactly, then Φ, which is 0.
+    """The program newton(t, q, p) -> the dependent coordinates; with `moved`, or where not all follow from angles, Δq, then Φ.
 
-    With `moved` the angles of all hinges stay as they are, whichever coordinates are independent.
+    Where every link is on a hinge with an independent angle positions close exactly. With `moved` the angles of all hinges, if these are
+    enough, stay as they are, whichever coordinates are independent, and Φ is 0 where all follow from them.
 
-    Raises NoRecursion where the dependent coordinates are not those of an open tree of hinges whose angles are independent.
+    Raises NoRecursion where no link is on such a hinge, and where a part of the others has not as many constraints as coordinates.
     """
     check_samples(equations, samples)
     tree = spanning_tree(equations.model)
     if moved is not None:
         split = _angles_of_hinges(equations, tree, split)
     hinges = hinges_of(equations, tree, split)
+    if not hinges:
+        raise NoRecursion("no independent coordinate is a hinge's angle")
     lines = Lines(equations)
-    placed = _Placing(lines, samples[0], tree, hinges).placed
-    graph = lines.graph
-    where, corrections = moving(equations, tree), {}
-    for c in split.dependent:
-        if c not in where:
-            raise NoRecursion(f"{equations.free[c].name} belongs to no body of the tree")
-        element, axis = where[c]
-        corrections[c] = graph.sub(placed[element][axis], graph.load("q", c))
-    sampling = Sampling(graph, samples)
-    if any(np.max(np.abs(sampling[node])) > POSITION_TOLERANCE * sizes[c] for c, node in corrections.items()):
+    placing = Placing(lines, samples, tree, hinges)
+    steps = placing.steps(split)
+    sampling = Sampling(lines.graph, samples)
+    if any(np.max(np.abs(sampling[node])) > POSITION_TOLERANCE * sizes[c] for c, node in steps.items()):
         raise NoRecursion("the bodies' shapes depend on parameters")
-    zero = graph.const(0.0)
-    if moved is None:
-        outputs = [placed[element][axis] for element, axis in map(where.__getitem__, split.dependent)]
-        return lines.program("newton", ("t", "q", "p"), outputs)
-    return lines.draft("newton", ("t", "q", "p"), [*(corrections.get(c, zero) for c in moved), *[zero] * len(equations.rows)])
+    if moved is None and placing.is_exact:
+        return lines.program("newton", ("t", "q", "p"), [lines.coordinates[c] for c in split.dependent])
+    residuals = {} if placing.is_exact else Lines(equations, lines.graph).vector(KERNELS["phi"])
+    zero = lines.graph.const(0.0)
+    changes = [steps.get(c, zero) for c in (split.dependent if moved is None else moved)]
+    made = lines.program if moved is None else lines.draft
+    return made("newton", ("t", "q", "p"), [*changes, *(residuals.get(r, zero) for r in range(len(equations.rows)))])
 
 
 def _angles_of_hinges(equations: Terms, tree: Tree, split: Split) -> Split:
-    """The angles of an open tree's hinges as independent coordinates, in place of others that determine as much."""
+    """The angles of all hinges as independent coordinates, in place of others that determine as much; else the split as it is."""
     angles = {e.components[0] for e in equations.model.elements.values() if isinstance(e, Angle)}
-    candidates = Split(rows=(), dependent=(), independent=tuple(c for c, component in enumerate(equations.free) if component in angles))
-    hinges = {equations.index[_hinge(equations, tree, link, candidates).angle.components[0]] for link in tree.links}
-    if len(hinges) != len(split.independent):
-        raise NoRecursion("not every independent coordinate is a hinge's angle")
-    others = tuple(c for c in range(len(equations.free)) if c not in hinges)
-    return Split(rows=(), dependent=others, independent=tuple(sorted(hinges)))
+    candidates = tuple(c for c, component in enumerate(equations.free) if component in angles)
+    hinges = hinges_of(equations, tree, Split(rows=(), dependent=(), independent=candidates)).values()
+    independent = sorted({equations.index[hinge.angle.components[0]] for hinge in hinges})
+    if len(independent) != len(split.independent):
+        return split
+    others = tuple(c for c in range(len(equations.free)) if c not in independent)
+    return Split(rows=split.rows, dependent=others, independent=tuple(independent))
 
 
-def hinges_of(equations: Terms, tree: Tree, split: Split) -> list[Hinge]:
-    """One a link. Raises NoRecursion where links are on something else, or where other coordinates are independent, too."""
-    hinges = [_hinge(equations, tree, link, split) for link in tree.links]
-    if len(hinges) != len(split.independent):
-        raise NoRecursion("not every independent coordinate is a hinge's angle")
-    return hinges
+def hinges_of(equations: Terms, tree: Tree, split: Split) -> dict[int, Hinge]:
+    """{link: its hinge} of the links whose joint is one with an independent angle."""
+    joints = ((number, _hinge(equations, tree, link, split)) for number, link in enumerate(tree.links))
+    return {number: hinge for number, hinge in joints if hinge}
 
 
-def _hinge(equations: Terms, tree: Tree, link: TreeLink, split: Split) -> Hinge:
-    """The independent angle of a link's joint. Raises NoRecursion where there is none."""
+def _hinge(equations: Terms, tree: Tree, link: TreeLink, split: Split) -> Hinge | None:
+    """The independent angle of a link's joint, if it has one."""
     if len(link.screws) != 1 or link.screws[0].point is None:
-        raise NoRecursion(f"{link.body.name} is on no hinge")
+        return None
     elements = set(link.body.elements)
     carrier = set(tree.links[link.parent].body.elements) if link.parent is not None else set()
     is_still = link.parent is None or link.screws[0].is_constant  # in the plane an angle may be measured from what rests
@@ -116,38 +119,95 @@ def _hinge(equations: Terms, tree: Tree, link: TreeLink, split: Split) -> Hinge:
             return Hinge(angle, angle.start, 1.0)
         if carried(angle.end) and set(angle.start.elements) <= elements:
             return Hinge(angle, angle.end, -1.0)
-    raise NoRecursion(f"{link.body.name}: no independent angle is that of its hinge")
+    return None
 
 
-class _Placing:
-    """All elements of the tree, link by link; placed: {element: nodes of its components}."""
+class Placing:
+    """The elements of the tree, link by link. Where they are placed stands for their coordinates, so that rows are those of there.
 
-    def __init__(self, lines: Lines, known: Sample, tree: Tree, hinges: Sequence[Hinge]) -> None:
-        self.lines, self.space, self.known = lines, Space(lines.graph), known
-        self.is_described = is_described(lines.equations, known)
-        self.placed: dict[Spatial, Vector] = {}
-        for number, (link, hinge) in enumerate(zip(tree.links, hinges, strict=True)):
-            self._place(link, hinge, [element for element, home in tree.home.items() if home == number])
+    is_exact: whether all that was placed follows from angles
+    """
 
-    def _place(self, link: TreeLink, hinge: Hinge, elements: list[Spatial]) -> None:
-        space, graph = self.space, self.lines.graph
+    def __init__(self, lines: Lines, samples: Sequence[Sample], tree: Tree, hinges: Mapping[int, Hinge]) -> None:
+        self.lines, self.space, self.samples = lines, Space(lines.graph), samples
+        self.is_described = is_described(lines.equations, samples[0])
+        self.tree, self.hinges, self.left = tree, hinges, set(range(len(tree.links)))
+        self.homes = {c: tree.home[element] for c, (element, _) in moving(lines.equations, tree).items()}
+        self.known: set[int] = set()
+        self.is_exact = True
+
+    def steps(self, split: Split) -> dict[int, int]:
+        """{dependent coordinate: node of its Δq}. Links on hinges follow as soon as what carries them is placed, others once none of these
+        does, and last what belongs to no link."""
+        graph, coordinates = self.lines.graph, self.lines.coordinates
+        changes: dict[int, int] = {}
+        self.known = set(split.independent)
+        while len(changes) < len(split.dependent):
+            ready = [k for k in self.left if k in self.hinges and self.tree.links[k].parent not in self.left]
+            if ready:
+                self.left.remove(min(ready))
+                placed = self._turned_by(min(ready))
+                steps = {c: graph.sub(node, coordinates[c]) for c, node in placed.items()}
+            else:
+                steps = self._newton([c for c in split.dependent if c not in changes], split)
+                placed = {c: graph.add(coordinates[c], node) for c, node in steps.items()}
+            if not self.known.isdisjoint(placed):
+                raise NoRecursion("a hinge's angle and a coordinate of its body are independent")
+            for c, node in placed.items():
+                coordinates[c] = node
+            self.known |= placed.keys()
+            changes |= steps
+        return changes
+
+    def _without_hinges(self) -> set[int]:
+        """The links whose joints have no independent angle and hang, one on another, on what is placed."""
+        loop: set[int] = set()
+        for k in sorted(self.left - self.hinges.keys()):
+            parent = self.tree.links[k].parent
+            if parent not in self.left or parent in loop:
+                loop.add(k)
+        return loop
+
+    def _newton(self, unknown: Sequence[int], split: Split) -> dict[int, int]:
+        """{coordinate: node of its Δq} of those of links without hinges that have as many rows of nothing else that is not known, or of all
+        that are unknown."""
+        columns: dict[int, set[int]] = defaultdict(set)
+        for r, c in self.lines.matrix(KERNELS["phi_q"]):
+            columns[r].add(c)
+
+        def rows_of(some: Sequence[int]) -> tuple[int, ...]:
+            return tuple(r for r in split.rows if not columns[r].isdisjoint(some) and columns[r] <= self.known.union(some))
+
+        loop = self._without_hinges()
+        coordinates = [c for c in unknown if self.homes.get(c) in loop]
+        if coordinates and len(rows_of(coordinates)) == len(coordinates):
+            unknown, self.left = coordinates, self.left - loop
+        if len(rows := rows_of(unknown)) != len(unknown):
+            raise NoRecursion(f"{len(unknown)} coordinates of links without independent angles have {len(rows)} constraints")
+        self.is_exact = False
+        steps, _ = newton_step(self.lines, Split(rows, tuple(unknown), ()), self.samples)
+        return dict.fromkeys(unknown, self.lines.graph.const(0.0)) | steps
+
+    def _turned_by(self, number: int) -> dict[int, int]:
+        """{coordinate: node} of a link's own elements, which its hinge's angle places."""
+        space, graph, index = self.space, self.lines.graph, self.lines.equations.index
+        link, hinge = self.tree.links[number], self.hinges[number]
         point = link.screws[0].point
         assert point is not None, "a hinge turns about a point"
         axis, start = self._unit(hinge.angle.axis), self._unit(hinge.start)
         if abs(self._value(space.dot(axis.known, start.known))) > POSITION_TOLERANCE:
             raise NoRecursion(f"{hinge.angle.name} is not measured across its axis")
-        sign = graph.const(hinge.sign)
-        psi = graph.load("q", self.lines.equations.index[hinge.angle.components[0]])
+        sign, component = graph.const(hinge.sign), hinge.angle.components[0]
+        psi, turn = graph.load("q", index[component]), self._number(component)
         frame = self._turned(axis.nodes, start.nodes, graph.call("cos", psi), graph.mul(sign, graph.call("sin", psi)))
-        turn = self._number(hinge.angle.components[0])
         known = self._turned(axis.known, start.known, graph.call("cos", turn), graph.mul(sign, graph.call("sin", turn)))
-        origin = self._numbers(point)
-        for element in elements:
-            if element in self.placed:
-                continue
+        origin, placed = self._numbers(point), {}
+        for element in (e for e, home in self.tree.home.items() if home == number):
             arm = space.sub(self._numbers(element), origin) if isinstance(element, Point) else self._numbers(element)
             parts = [space.times(x, v) for x, v in zip(self._shares(known, arm), frame, strict=True)]
-            self.placed[element] = space.sum([self._nodes(point), *parts] if isinstance(element, Point) else parts)
+            nodes = space.sum([self._nodes(point), *parts] if isinstance(element, Point) else parts)
+            placed |= {index[c]: node for c, node in zip(element.components, nodes, strict=True) if self.lines.equations.moves(c)}
+        return placed
 
     def _turned(self, axis: Vector, start: Vector, c: int, s: int) -> tuple[Vector, Vector, Vector]:
         """The frame of a hinge's axis n, b = c a + s n × a, and n × b."""
@@ -181,12 +241,17 @@ class _Placing:
         return Unit(space.times(shorter, nodes), space.times(shorter, known))
 
     def _nodes(self, element: Spatial) -> Vector:
-        if element in self.placed:
-            return self.placed[element]
-        if not element.fixed:
-            raise NoRecursion(f"{element.name} is placed by no hinge before it is needed")
-        x, y, z = (self.lines.value(component.value) for component in element.components)
+        x, y, z = map(self._node, element.components)
         return x, y, z
+
+    def _node(self, component: Component) -> int:
+        """A coordinate where it is placed, or one that is fixed."""
+        equations = self.lines.equations
+        if not equations.moves(component):
+            return self.lines.value(component.value)
+        if equations.index[component] not in self.known:
+            raise NoRecursion(f"{component.name} is placed by no hinge before it is needed")
+        return self.lines.coordinates[equations.index[component]]
 
     def _value(self, node: int) -> float:
         """The number of a known node."""
@@ -202,7 +267,7 @@ class _Placing:
         """A coordinate in the known position: as it is described, where that is the known position."""
         equations = self.lines.equations
         if equations.moves(component) and not self.is_described:
-            return self.lines.value(float(self.known.q[equations.index[component]]))
+            return self.lines.value(float(self.samples[0].q[equations.index[component]]))
         return self.lines.value(component.value if is_number(component.value) else component.initial)
 
 

@@ -179,14 +179,14 @@ int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
 {
     ncgen_constrained *w = r->constrained;
-    if (w->motion && r->external && ncgen_external_forces(r, t, q, qd) != NCGEN_OK)
-        *ncgen_growth_in(r, out) = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
-    else if (w->motion && r->external)
-        w->motion->forced(t, q, qd, r->external, r->p, out);
-    else if (w->motion)
-        w->motion->derivative(t, q, qd, r->p, out);
-    else
+    if (!w->motion)
         ncgen_tree_derivative(r, &w->tree, t, q, qd, out);
+    else if (!r->external)
+        w->motion->derivative(t, q, qd, r->p, out);
+    else if (ncgen_external_forces(r, t, q, qd) == NCGEN_OK)
+        w->motion->forced(t, q, qd, r->external, r->p, out);
+    else
+        *ncgen_growth_in(r, out) = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
 }
 
 void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)

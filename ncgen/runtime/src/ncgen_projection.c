@@ -172,20 +172,21 @@ static int is_near(const ncgen_run *r, const ncgen_constrained *w, ncgen_real mo
     return !(violation > 0) || (w->motion && ncgen_is_fixed_explicit(r->options) && moved <= 2 * violation);
 }
 
-/* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; STAYS_OPEN, too, where they move the
+/* r->q from q by Newton steps of the emitted motion, which leave the independent coordinates as they are; STAYS_OPEN, too, where they move the
  * others by much more than the rows are violated, in natural sizes: where these coordinates hardly determine where the mechanism is. Link by link no
  * coordinate stays as it is, and links pass on what moves the one before. */
-static int close_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
+static int close_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const ncgen_real *q)
 {
     const ncgen_scalar quadratic_limit = NCGEN_SQRT(r->rounding) * R(10.0), too_far = R(0.1), nothing = 100 * r->rounding;
-    for (int k = 0; k < POSITION_LIMIT; ++k) {
-        ncgen_recursive_closing(r, t, r->q, w->emitted);
+    for (int k = 0; k < POSITION_LIMIT; ++k, q = r->q) {
+        ncgen_recursive_closing(r, t, q, w->emitted);
         r->statistics->newton_steps += 1;
         const ncgen_real moved = ncgen_constrained_size(r, w->emitted), violation = ncgen_constrained_violation(r, w->emitted + r->n);
         if (!(moved < too_far) || (w->motion && violation > 0 && moved > ncgen_pivot_growth_limit(r, R(10.0)) * violation + nothing))
             return STAYS_OPEN;
+        NCGEN_UNROLLED
         for (int i = 0; i < r->n; ++i)
-            r->q[i] += w->emitted[i];
+            r->q[i] = q[i] + w->emitted[i];
         w->moved_at_once = k == 0 ? moved : -1;
         if (violation < quadratic_limit)
             return ncgen_follows_from_measured(r) || (k == 0 && is_near(r, w, moved, violation)) ? IS_IN_PLACE : IS_CLOSED;
@@ -215,7 +216,7 @@ static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const nc
     for (int i = 0; i < n; ++i)
         r->q[i] += r->model->nu ? w->solution[i] - moved[i] : moved[i];
     /* what is straight leaves the constraints, always to the same side, by about the square of its length */
-    return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t) != STAYS_OPEN);
+    return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t, r->q) != STAYS_OPEN);
 }
 
 /* Position and velocity of the state y by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below,
@@ -225,8 +226,7 @@ static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const nc
 static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const ncgen_real *y, ncgen_scalar enough, ncgen_real *yd)
 {
     const ncgen_real *qd = y, *q = y + r->n;
-    ncgen_copy(r->n, q, r->q);
-    const int closing = close_position(r, w, t);
+    const int closing = close_position(r, w, t, q);
     if (closing == STAYS_OPEN)
         return 0;
     if (w->closed_position)
@@ -240,9 +240,8 @@ static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t
     if (!yd)
         ncgen_recursive_velocities(r, t, r->q, qd, out);
     ncgen_copy(r->n, out + r->n, r->qd);
-    const int is_finite = ncgen_is_finite(r->n, r->qd);
-    w->came_along = came_along && is_finite;
-    return is_finite;
+    w->came_along = came_along && *ncgen_growth_in(r, out) < R(1.0e30);
+    return w->came_along || ncgen_is_finite(r->n, r->qd); /* who wants the derivative looks at it */
 }
 
 /* Is a step whose end the recursion does not close better repeated than closed by the matrix? In loops over tables the matrix, which is large,

@@ -4,13 +4,6 @@
 
 #include "ncgen_math.h"
 
-/* Before a loop, no run of which reads what another one has written: it is unrolled. */
-#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 8
-#define NCGEN_UNROLLED _Pragma("GCC unroll 4") _Pragma("GCC ivdep")
-#else
-#define NCGEN_UNROLLED
-#endif
-
 enum { NCGEN_AT_ONCE = 8 };
 
 /* Terms of a sum of weight times derivative, as many as are added in a pass: over few numbers a pass costs more than what it adds. */
@@ -20,18 +13,22 @@ typedef struct {
     int count;
 } ncgen_terms;
 
-/* The next terms that have a weight, from stage *j on, which becomes the one behind them; one more, without a weight, where they are odd. */
-static inline void ncgen_next_terms(int *j, int stages, const ncgen_scalar *weights, ncgen_real *const *derivatives, ncgen_terms *s)
+/* The next terms that have a weight, from stage j on, behind those that are there: the stage behind them; one more, without a weight, where
+ * they are odd. */
+static inline int ncgen_next_terms(int j, int stages, const ncgen_scalar *weights, ncgen_real *const *derivatives, ncgen_terms *s)
 {
-    for (; *j < stages && s->count < NCGEN_AT_ONCE; ++*j)
-        if (weights[*j] < 0 || weights[*j] > 0) {
-            s->weights[s->count] = weights[*j];
-            s->derivatives[s->count++] = derivatives[*j];
+    int count = s->count;
+    for (; j < stages && count < NCGEN_AT_ONCE; ++j)
+        if (weights[j] < 0 || weights[j] > 0) {
+            s->weights[count] = weights[j];
+            s->derivatives[count++] = derivatives[j];
         }
-    if (s->count < NCGEN_AT_ONCE) {
-        s->weights[s->count] = 0;
-        s->derivatives[s->count] = s->count ? s->derivatives[0] : NULL;
+    if (count < NCGEN_AT_ONCE) {
+        s->weights[count] = 0;
+        s->derivatives[count] = count ? s->derivatives[0] : NULL;
     }
+    s->count = count;
+    return j;
 }
 
 /* out = y + h times the sum of the terms, or without y the sum alone. `count` is a number that the compiler knows. */
@@ -52,39 +49,60 @@ static inline void ncgen_add_up(int count, int size, const ncgen_terms *s, const
     }
 }
 
+/* A function for each count, since one for all of them saves and restores what none but the longest needs. */
+#define NCGEN_ADD_UP(COUNT)                                                                                                                \
+    static NCGEN_NOINLINE void ncgen_add_up_##COUNT(int size, const ncgen_terms *s, const ncgen_real *y, ncgen_real h, ncgen_real *out)     \
+    {                                                                                                                                      \
+        ncgen_add_up(COUNT, size, s, y, h, out);                                                                                           \
+    }
+NCGEN_ADD_UP(0)
+NCGEN_ADD_UP(1)
+NCGEN_ADD_UP(2)
+NCGEN_ADD_UP(4)
+NCGEN_ADD_UP(6)
+NCGEN_ADD_UP(8)
+
 static inline void ncgen_add_terms(int size, const ncgen_terms *s, const ncgen_real *y, ncgen_real h, ncgen_real *out)
 {
     if (s->count == 0)
-        ncgen_add_up(0, size, s, y, h, out);
+        ncgen_add_up_0(size, s, y, h, out);
     else if (s->count == 1)
-        ncgen_add_up(1, size, s, y, h, out);
+        ncgen_add_up_1(size, s, y, h, out);
     else if (s->count == 2)
-        ncgen_add_up(2, size, s, y, h, out);
+        ncgen_add_up_2(size, s, y, h, out);
     else if (s->count <= 4)
-        ncgen_add_up(4, size, s, y, h, out);
+        ncgen_add_up_4(size, s, y, h, out);
     else if (s->count <= 6)
-        ncgen_add_up(6, size, s, y, h, out);
+        ncgen_add_up_6(size, s, y, h, out);
     else
-        ncgen_add_up(8, size, s, y, h, out);
+        ncgen_add_up_8(size, s, y, h, out);
 }
 
-/* out = y + h times the sum over the stages of weight times derivative, or without y the sum alone; in as many passes as it takes, each of
- * which adds to the sum of those before it. */
+/* The sum of terms, and of those from stage j on, in as many passes as it takes, each of which adds to the sum of those before it. */
+static NCGEN_NOINLINE void ncgen_add_passes(int size, int j, int stages, const ncgen_scalar *weights, ncgen_real *const *derivatives,
+                                            ncgen_terms *s, const ncgen_real *y, ncgen_real h, ncgen_real *out)
+{
+    while (j < stages) {
+        ncgen_add_terms(size, s, NULL, h, out);
+        s->derivatives[0] = out;
+        s->weights[0] = 1;
+        s->count = 1;
+        j = ncgen_next_terms(j, stages, weights, derivatives, s);
+    }
+    ncgen_add_terms(size, s, y, h, out);
+}
+
+/* out = y + h times the sum over the stages of weight times derivative, or without y the sum alone. */
 static inline void ncgen_sum_stages(int size, int stages, const ncgen_scalar *weights, ncgen_real *const *derivatives, const ncgen_real *y,
                                     ncgen_real h, ncgen_real *out)
 {
     ncgen_terms s;
-    int j = 0;
     s.count = 0;
-    ncgen_next_terms(&j, stages, weights, derivatives, &s);
-    while (j < stages) {
-        ncgen_add_terms(size, &s, NULL, h, out);
-        s.derivatives[0] = out;
-        s.weights[0] = 1;
-        s.count = 1;
-        ncgen_next_terms(&j, stages, weights, derivatives, &s);
-    }
-    ncgen_add_terms(size, &s, y, h, out);
+    const int j = ncgen_next_terms(0, stages, weights, derivatives, &s);
+    if (j < stages)
+        ncgen_add_passes(size, j, stages, weights, derivatives, &s, y, h, out);
+    else
+        ncgen_add_terms(size, &s, y, h, out);
 }
 
 #endif

@@ -226,12 +226,6 @@ ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span)
     return count < 1 ? 1 : count;
 }
 
-int ncgen_report_attempt(ncgen_run *r, ncgen_scalar t)
-{
-    r->statistics->tried = t;
-    return ncgen_report_progress(r, r->start_t);
-}
-
 int ncgen_report_progress(ncgen_run *r, ncgen_scalar reached)
 {
     if (!r->options->progress)

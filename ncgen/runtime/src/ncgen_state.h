@@ -88,8 +88,7 @@ int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t); /* what drives the run, bef
 int ncgen_choose(ncgen_run *r); /* parameters that follow from the last accepted position */
 void ncgen_save_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
 ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span); /* 0: more than can be counted */
-int ncgen_report_attempt(ncgen_run *r, ncgen_scalar t);               /* before whatever takes long, at time t; NCGEN_INTERRUPTED ends the run */
-int ncgen_report_progress(ncgen_run *r, ncgen_scalar reached);        /* the same; reached: the state that an end now leaves */
+int ncgen_report_progress(ncgen_run *r, ncgen_scalar reached);        /* before whatever takes long; reached: the state that an end now leaves */
 void ncgen_write_row(ncgen_run *r, ncgen_real work);
 
 /* The rows' kernels, of which a mechanism without rows has none. */
@@ -123,5 +122,15 @@ static inline ncgen_real ncgen_row_times(const ncgen_pattern *pattern, const ncg
 
 void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product);
 void ncgen_row_velocities(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates);
+
+/* The same before an attempt at time t; NCGEN_INTERRUPTED ends the run. */
+static inline int ncgen_report_attempt(ncgen_run *r, ncgen_scalar t)
+{
+    r->statistics->tried = t;
+    if (r->attempts_left <= 0)
+        return ncgen_report_progress(r, r->start_t);
+    r->attempts_left -= 1;
+    return NCGEN_OK;
+}
 
 #endif
