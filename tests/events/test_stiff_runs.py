@@ -71,7 +71,7 @@ def test_a_run_that_c_does_not_carry_on_is_not_moved_without_its_events(monkeypa
 
     def interrupted(*arguments):
         begun.append(arguments)
-        return "the run in C stopped at t = 0.6 s (pivot)" if len(begun) == 2 else run_in_c(*arguments)
+        return "the run in C stopped at t = 0.6 s (pivot)" if len(begun) >= 2 else run_in_c(*arguments)
 
     monkeypatch.setattr(compiled, "run_constrained", interrupted)
     with pytest.raises(ncgen.ConvergenceError, match=r"ball: the run in C stopped at t = 0.6 s \(pivot\), and events need C; take smaller"):

@@ -95,9 +95,11 @@ class RunUnderWay:
         if refused and self.has_events:
             raise ModelError(f"{kernels.name} cannot be simulated in C, which events need: {refused}")
         if refused is None:
-            refused = self._in_c(form)
-            if refused == compiled.STIFFNESS_REASON:
-                refused = self._go_on_implicit(form)
+            refused = self._by_form(form)
+            if refused and form != "dense" and self._may_begin_again():
+                form = "dense"
+                self._begin_again()
+                refused = self._by_form(form)
             form = self._form_now(form)
             if refused and self.has_events:
                 raise ConvergenceError(f"{kernels.name}: {refused}, and events need C; take smaller steps (max_step) or another integrator")
@@ -109,6 +111,23 @@ class RunUnderWay:
                 self.path = Path.empty(kernels.n, motion.start.partitions)  # what C has left of it is done again
             self._in_python()
         self.engine = f"python: {refused}" if refused else "c" if form == "dense" else form
+
+    def _by_form(self, form: Form) -> str | None:
+        """Why C did not come to the end, with the implicit method where the mechanism is stiff; None where it did."""
+        refused = self._in_c(form)
+        return self._go_on_implicit(form) if refused == compiled.STIFFNESS_REASON else refused
+
+    def _may_begin_again(self) -> bool:
+        """True for a run with events, which Python does not have, of the default engine; functions are not called again, since they may
+        remember what they were called with."""
+        is_open = self.has_events and self.motion.run.settings.engine == AUTO
+        return is_open and not any(event.is_called for event in self.kernels.model.events.values())
+
+    def _begin_again(self) -> None:
+        """Forget what has happened, so that the run can be repeated with the factored matrix."""
+        motion = self.motion
+        self.choice, self._plan = motion.choice, motion.plan(motion.choice)
+        self.times, self.path, self.passage = motion.rows.times.copy(), Path.empty(self.kernels.n, motion.start.partitions), Passage()
 
     def _check_reference(self, refused: str) -> None:
         """Raise for a method that the reference in Python does not have; refused: why C does not carry the run out, or where it stopped."""
