@@ -42,7 +42,7 @@ def derivative(kernels: Kernels) -> dict | None:
         q = assemble(kernels)
         split = split_of(choose_partitions(kernels, q, independent=kernels.model.chosen_independent).velocity)
         arguments = kernels.programs.equations, split, samples(kernels, q, kernels.p0), kernels.column_sizes
-        ways, closed = accelerations(*arguments), closing(*arguments)
+        ways, closed = accelerations(*arguments), closing(*arguments).program
     except (NcgenError, EliminationError):
         return None
     return {**{name: cost(program).total for name, program in ways.items()}, "chosen": cheapest(ways), "positions": cost(closed).total}

@@ -63,7 +63,7 @@ def flat() -> Model:
 @pytest.mark.parametrize("make", [lambda: load("arm"), lambda: example_module("arm").build(2), branched, flat])
 def test_positions_close_to_rounding_from_any_angles(make):
     kernels, (equations, split, found) = given(make())
-    program = assemble_closed_positions(equations, split, found, kernels.column_sizes)
+    program = assemble_closed_positions(equations, split, found, kernels.column_sizes).program
     assert cost(program).total < 0.4 * cost(newton(equations, split, found)).total
     rng = np.random.default_rng(4)
     for _ in range(5):
@@ -77,7 +77,7 @@ def test_positions_close_to_rounding_from_any_angles(make):
 def test_a_motion_closes_by_all_hinges_whichever_coordinates_are_independent():
     kernels, (equations, angles, found) = given(load("arm"))
     others = Split(rows=angles.rows, dependent=angles.independent, independent=angles.dependent[: len(angles.independent)])
-    program = assemble_closed_positions(equations, others, found, kernels.column_sizes, range(kernels.n))
+    program = assemble_closed_positions(equations, others, found, kernels.column_sizes, range(kernels.n)).program
     rng, measured = np.random.default_rng(5), list(angles.independent)
     q = found[0].q + 1e-3 * rng.uniform(-1, 1, kernels.n)
     q[measured] += rng.uniform(-3, 3, len(measured))
@@ -110,7 +110,7 @@ def test_velocities_of_an_open_tree_are_those_of_either_recursion():
 def test_loops_take_a_step_of_newton_over_their_own_coordinates_alone(name, share):
     """The angles stay, and what is left is the square of how far the loops were open, as by a step over all coordinates."""
     kernels, (equations, split, found) = given(load(name))
-    program = assemble_closed_positions(equations, split, found, kernels.column_sizes, range(kernels.n))
+    program = assemble_closed_positions(equations, split, found, kernels.column_sizes, range(kernels.n)).program
     assert cost(program).total < share * cost(newton(equations, split, found, range(kernels.n))).total
     rng = np.random.default_rng(8)
     q = found[0].q + 1e-5 * rng.uniform(-1, 1, kernels.n)
@@ -132,6 +132,17 @@ def test_a_run_of_hinges_closes_every_step_at_once_and_leaves_the_angles():
     assert run.statistics.newton_steps == run.statistics.steps
     assert max(np.max(np.abs(kernels.phi(q, t, kernels.p0)) / kernels.row_sizes) for t, q in zip(run.t, run.q, strict=True)) < 1e-14
     assert np.max(np.abs(run.q[-1] - tight.q[-1]) / kernels.column_sizes) < 1e-5
+
+
+def test_a_loop_that_follows_from_angles_stays_where_they_are():
+    """Moved along the constraints to the nearest position, every step took two of Newton's method and was no nearer to a tight run."""
+    kernels = ncgen.compile(load("robot"))
+    run, tight = (ncgen.simulate(kernels, 0.5, integrator="dop853", points=2, rtol=rtol, atol=rtol) for rtol in (1e-8, 1e-13))
+    trials = (run.statistics.evaluations - 2) // 12
+    assert run.engine == "emitted"
+    assert run.statistics.newton_steps == trials
+    assert np.max(np.abs(run.q[-1] - tight.q[-1]) / kernels.column_sizes) < 3e-8
+    assert max(np.max(np.abs(kernels.phi(q, t, kernels.p0)) / kernels.row_sizes) for t, q in zip(run.t, run.q, strict=True)) < 1e-13
 
 
 def test_fixed_steps_of_loops_close_once_and_stay_where_that_is_near():

@@ -74,7 +74,13 @@ def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = Fals
         records = program_records((program,), prefix, program.name, numbers)
         others = {} if program.phases is None else _parts_files(program, records)
         files |= others | {f"{prefix}_{program.name}.c": render("c/recursion_kernel.c.jinja", are_declared=bool(others), **records)}
-    records = {"model": equations.model, "prepared": programs.prepared, "in_files": in_files, "forced": forced}
+    records = {
+        "model": equations.model,
+        "prepared": programs.prepared,
+        "follow_from_angles": programs.follow_from_angles,
+        "in_files": in_files,
+        "forced": forced,
+    }
     records |= program_records(programs.emitted, prefix, "recursion", numbers)
     return files | {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
 

@@ -43,7 +43,7 @@ from ncgen.program.motions.motion import RecursiveMotions, among_projected, deri
 from ncgen.program.motions.sliding_derivatives import with_friction
 from ncgen.program.newton import dependent_factors, newton_step
 from ncgen.program.programs import ENERGIES, Split
-from ncgen.program.tree.closed_positions import assemble_closed_positions, is_described
+from ncgen.program.tree.closed_positions import ClosedPositions, assemble_closed_positions, is_described
 from ncgen.program.tree.composite import massless
 from ncgen.program.tree.rates import NoRecursion
 from ncgen.program.tree.recursion import assemble_recursions
@@ -86,6 +86,7 @@ class MotionPrograms:
         velocities consist; None where forces of others act
     prepare: gives what depends on parameters alone, which the others read behind p; None where nothing does
     is_general: whether all of their numbers come from the equations, and none from samples of positions
+    follow_from_angles: whether closing leaves nothing but the angles of hinges, from which all positions follow
     """
 
     derivative: Program
@@ -94,6 +95,7 @@ class MotionPrograms:
     projected: Program | None = None
     prepare: Program | None = None
     is_general: bool = False
+    follow_from_angles: bool = False
 
     @property
     def prepared(self) -> int:
@@ -120,7 +122,7 @@ def assemble_dynamics(equations: Terms, split: Split, samples: Sequence[Sample],
     sizes: natural size of every coordinate
     refine: one step of iterative refinement of R and of the accelerations' particular solution (Newton's method refines itself)
     """
-    correction = closing(equations, split, samples, sizes)
+    correction = closing(equations, split, samples, sizes).program
     ways = accelerations(equations, split, samples, sizes, refine)
     acceleration = ways[cheapest(ways)]
     lengths = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
@@ -153,7 +155,8 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
         ways = motions.derivatives()
         way = cheapest(ways)
         moving = (ways[way], motions.velocities(way)) if forced else (motions.projected(way),)
-        parts = (*moving, closing(equations, split, samples, sizes, range(n)))
+        positions = closing(equations, split, samples, sizes, range(n))
+        parts = (*moving, positions.program)
     except (NoRecursion, EliminationError, SingularError):
         return None
     prepare, (*made, closed) = take_out(parts, equations)
@@ -164,6 +167,7 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
         projected=None if forced else made[0],
         prepare=prepare,
         is_general=is_described(equations, samples[0]),
+        follow_from_angles=positions.follow_from_angles,
     )
     for program in (*motion.all, motion.emitted[0]):
         verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + motion.prepared})
@@ -191,7 +195,7 @@ def cheapest(programs: dict[str, Program]) -> str:
     return min(programs, key=lambda name: cost(programs[name]).total)
 
 
-def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, moved: Sequence[int] | None = None) -> Program:
+def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, moved: Sequence[int] | None = None) -> ClosedPositions:
     """What closes positions: from the angles of hinges at once, as far as these reach, else by a step of Newton's method.
 
     moved: coordinates whose Δq is wanted; None for the dependent ones
@@ -199,7 +203,7 @@ def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Si
     try:
         return assemble_closed_positions(equations, split, samples, np.asarray(sizes), moved)
     except (NoRecursion, EliminationError):
-        return newton(equations, split, samples, moved)
+        return ClosedPositions(newton(equations, split, samples, moved), False)
 
 
 def newton(equations: Terms, split: Split, samples: Sequence[Sample], moved: Sequence[int] | None = None) -> Program:

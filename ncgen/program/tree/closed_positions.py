@@ -48,9 +48,16 @@ class Hinge:
     sign: float
 
 
+class ClosedPositions(NamedTuple):
+    """The program; follow_from_angles: whether it leaves nothing but the angles of hinges, from which all positions follow."""
+
+    program: Program
+    follow_from_angles: bool
+
+
 def assemble_closed_positions(
     equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, moved: Sequence[int] | None = None
-) -> Program:
+) -> ClosedPositions:
     """The program newton(t, q, p) -> the dependent coordinates; with `moved`, or where not all follow from angles, Δq, then Φ.
 
     Where every link is on a hinge with an independent angle positions close exactly. With `moved` the angles of all hinges, if these are
@@ -72,12 +79,13 @@ def assemble_closed_positions(
     if any(np.max(np.abs(sampling[node])) > POSITION_TOLERANCE * sizes[c] for c, node in steps.items()):
         raise NoRecursion("the bodies' shapes depend on parameters")
     if moved is None and placing.is_exact:
-        return lines.program("newton", ("t", "q", "p"), [lines.coordinates[c] for c in split.dependent])
+        return ClosedPositions(lines.program("newton", ("t", "q", "p"), [lines.coordinates[c] for c in split.dependent]), True)
     residuals = {} if placing.is_exact else Lines(equations, lines.graph).vector(KERNELS["phi"])
     zero = lines.graph.const(0.0)
     changes = [steps.get(c, zero) for c in (split.dependent if moved is None else moved)]
     made = lines.program if moved is None else lines.draft
-    return made("newton", ("t", "q", "p"), [*changes, *(residuals.get(r, zero) for r in range(len(equations.rows)))])
+    program = made("newton", ("t", "q", "p"), [*changes, *(residuals.get(r, zero) for r in range(len(equations.rows)))])
+    return ClosedPositions(program, len(hinges) == len(split.independent))
 
 
 def _angles_of_hinges(equations: Terms, tree: Tree, split: Split) -> Split:

@@ -84,6 +84,7 @@ typedef struct ncgen_motion {
     ncgen_prepare_kernel *prepare;     /* n_prepared numbers; NULL: none */
     int n_prepared;
     ncgen_forced_kernel *forced;       /* NULL, or the derivative with the forces of ncgen_dynamics.external */
+    int follow_from_angles;            /* does closing leave the angles of hinges alone, and all positions follow from these? */
 } ncgen_motion;
 
 /* An open tree of bodies as tables: its motion by the articulated recursion, in loops over them, so that no code is emitted for a

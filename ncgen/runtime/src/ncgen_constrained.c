@@ -221,7 +221,7 @@ void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, 
 int ncgen_follows_from_measured(const ncgen_run *r)
 {
     const ncgen_constrained *w = r->constrained;
-    return !w->motion && ncgen_tree_is_in_closed_form(&w->tree);
+    return w->motion ? w->motion->follow_from_angles : ncgen_tree_is_in_closed_form(&w->tree);
 }
 
 int ncgen_recursive_joints(const ncgen_run *r)
