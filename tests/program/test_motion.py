@@ -115,10 +115,10 @@ def test_velocities_are_the_beginning_of_the_projected_derivative_in_c(name):
 
 @pytest.mark.parametrize("name", WITH_TREES)
 def test_closing_leaves_the_independent_coordinates(name):
-    """Or the angles of an open tree: those of the arm are ψ1 … ψ7, and its closed form starts from them though u7.z is chosen, not ψ5."""
+    """Or the angles of all hinges where these are enough, of the arm ψ1 … ψ7 and of the robot ψ1 … ψ6, though others are independent."""
     here, k = case(name), case(name).kernels
     angles = [c for c, component in enumerate(k.coordinates) if component.startswith("psi")]
-    left = angles if name == "arm" else list(here.split.independent)
+    left = angles if name in ("arm", "robot") else list(here.split.independent)
     sample = here.samples[0]
     start = sample.q + 1e-5 * here.generator.standard_normal(k.n) * k.column_sizes
     q = start.copy()
