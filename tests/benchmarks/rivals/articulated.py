@@ -82,7 +82,10 @@ def joints(kernels: Kernels, split: Split) -> list[Joint]:
     if model.springs or model.potentials or kernels.model.callbacks or np.any(kernels.nu(kernels.q0)):
         raise NoRecursion("something pulls besides gravity")
     tree = spanning_tree(model)
-    hinges = hinges_of(kernels.programs.equations, tree, split)
+    by_link = hinges_of(kernels.programs.equations, tree, split)
+    if not len(by_link) == len(tree.links) == len(split.independent):
+        raise NoRecursion("not every link is on a hinge with an independent angle")
+    hinges = [by_link[number] for number in range(len(tree.links))]
     frames = [_frame(hinge, link) for hinge, link in zip(hinges, tree.links, strict=True)]
     found = []
     for number, (link, hinge) in enumerate(zip(tree.links, hinges, strict=True)):
