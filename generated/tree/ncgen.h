@@ -44,6 +44,13 @@ extern "C" {
 #define NCGEN_NOINLINE
 #endif
 
+/* Before a loop, no run of which reads what another one has written: it is unrolled. */
+#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 8
+#define NCGEN_UNROLLED _Pragma("GCC unroll 4") _Pragma("GCC ivdep")
+#else
+#define NCGEN_UNROLLED
+#endif
+
 #define NCGEN_ABI_VERSION 1
 
 /* begin cdef */

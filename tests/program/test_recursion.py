@@ -183,8 +183,9 @@ def test_too_few_positions_conclude_nothing():
 def test_one_position_with_other_parameters_concludes_nothing():
     """Where no other position is found every ratio of entries seems constant, and an angle's acceleration was 24 % off."""
     equations, split, found, sizes = Case(rolling_tip(parameter=True)).given
+    others = [sample._replace(q=found[0].q) for sample in found if not np.array_equal(sample.p, found[0].p)]
     with pytest.raises(NoRecursion, match="too few positions"):
-        assemble_recursions(equations, split, [sample._replace(q=found[0].q) for sample in found], sizes)
+        assemble_recursions(equations, split, [found[0], *others, *others], sizes)
 
 
 @pytest.mark.parametrize(

@@ -48,8 +48,8 @@ from ncgen.symbolic.tree import spanning_tree
 MIN_SAMPLES = 4
 """Samples from which something can be concluded."""
 
-SAME_POSITION = 1e-7
-"""Samples are in one position where no coordinate differs by more, over its natural size."""
+MIN_ALIKE = 2
+"""Of them with the same parameters: what changes with the position seems constant where all others follow from one."""
 
 MAX_COMPOSITE_JOINTS = 30
 """Joints of an open tree from which the composite recursion, whose cost grows with their square, is not even made."""
@@ -88,12 +88,6 @@ def _is_positive(matrix: dict[tuple[int, int], float], size: int) -> bool:
     return least_inertia(dense) > ROUNDING
 
 
-def _are_one_position(samples: Sequence[Sample], sizes: np.ndarray) -> bool:
-    """True where samples differ in parameters alone, so that whatever changes with the position seems constant."""
-    first = samples[0].q
-    return all(np.max(np.abs(sample.q - first) / sizes, initial=0.0) <= SAME_POSITION for sample in samples)
-
-
 class Recursion:
     """The recursion under way: positions, then velocities, then forces.
 
@@ -103,7 +97,8 @@ class Recursion:
     """
 
     def __init__(self, equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False) -> None:
-        if len(samples) < MIN_SAMPLES or _are_one_position(samples, sizes):
+        alike = [sample for sample in samples if np.array_equal(sample.p, samples[0].p)]
+        if len(samples) < MIN_SAMPLES or len(alike) < MIN_ALIKE:
             raise NoRecursion("too few positions to see what vanishes")
         check_samples(equations, samples)
         self.model, self.tree = equations.model, spanning_tree(equations.model)

@@ -15,7 +15,7 @@ from ncgen.program.programs import Split
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import Partition, Partitions
 from ncgen.solver.positions.position import newton_position
-from ncgen.solver.positions.rank import closeness_at, trial_positions
+from ncgen.solver.positions.rank import can_move, closeness_at, trial_positions
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
@@ -95,7 +95,10 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
     and at other times, so that nothing is taken for 0 that is 0 only now."""
     from ncgen.program.ir.sampling import Sample
 
-    typical = [Sample(0.0, x, p) for x in trial_positions(kernels, q, 0.0, p)]
+    positions = trial_positions(kernels, q, 0.0, p)
+    if len(positions) == 1 and not can_move(kernels, q, 0.0, p):
+        positions *= 2  # what cannot move is in no other: all that there is has been seen
+    typical = [Sample(0.0, x, p) for x in positions]
     generator = np.random.default_rng(1)
     for _ in range(N_PERTURBED_SAMPLES if kernels.parameters or np.any(kernels.nu(q, 0.0, p)) else 0):
         other = p + SAMPLE_PERTURBATION * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))

@@ -85,6 +85,11 @@ def _allowed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None) ->
     return (lambda x: basis @ (basis.T @ x)) if basis.shape[1] else None  # which does not depend on the choice of the basis
 
 
+def can_move(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None) -> bool:
+    """Whether the rows allow any change of the coordinates."""
+    return _allowed(kernels, q, t, p) is not None
+
+
 def closeness_at(kernels: Kernels, q: np.ndarray) -> float:
     """The tolerance of positions around q: far from the origin they close as well as coordinates can be told apart there."""
     return max(TOLERANCE, 8 * np.finfo(float).eps * float(np.max(np.abs(q) / kernels.column_sizes, initial=0.0)))
