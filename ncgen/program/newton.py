@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ncgen.program.algebra.elimination import Factors, Matrix, factor, solve
+from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.sampling import Sample, Sampling
-from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
 
 
-def newton_step(lines: Lines, split: Split, samples: Sequence[Sample]) -> tuple[dict[int, int], dict[int, int]]:
-    """{dependent coordinate: node of its Δq}, and {row: node} of all of Φ; both without what is structurally zero.
+def newton_step(lines: Lines, phi: Mapping[int, int], jacobian: Matrix, split: Split, samples: Sequence[Sample]) -> dict[int, int]:
+    """{dependent coordinate: node of its Δq}, without what is structurally zero, from Φ and Φ_q.
 
     Raises EliminationError where no order serves all samples.
     """
-    graph, phi = lines.graph, lines.vector(KERNELS["phi"])
-    _, factors = dependent_factors(lines, lines.matrix(KERNELS["phi_q"]), split, samples)
-    right = {i: graph.neg(phi[r]) for i, r in enumerate(split.rows) if r in phi}
-    return {split.dependent[j]: node for j, node in solve(graph, factors, right).items()}, phi
+    _, factors = dependent_factors(lines, jacobian, split, samples)
+    right = {i: lines.graph.neg(phi[r]) for i, r in enumerate(split.rows) if r in phi}
+    return {split.dependent[j]: node for j, node in solve(lines.graph, factors, right).items()}
+
+
+def newton_program(lines: Lines, split: Split, moved: Sequence[int] | None, steps: Mapping[int, int], phi: Mapping[int, int]) -> Program:
+    """The program newton(t, q, p) -> Δq of the coordinates `moved`, None for the dependent ones, then Φ; 0 for what is in neither."""
+    zero = lines.graph.const(0.0)
+    changes = [steps.get(c, zero) for c in (split.dependent if moved is None else moved)]
+    made = lines.program if moved is None else lines.draft
+    return made("newton", ("t", "q", "p"), [*changes, *(phi.get(r, zero) for r in range(len(lines.equations.rows)))])
 
 
 def dependent_factors(lines: Lines, jacobian: Matrix, split: Split, samples: Sequence[Sample]) -> tuple[Matrix, Factors]:

@@ -41,7 +41,7 @@ from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.motions.motion import RecursiveMotions, among_projected, derivative_of, in_order_of_runs
 from ncgen.program.motions.sliding_derivatives import with_friction
-from ncgen.program.newton import dependent_factors, newton_step
+from ncgen.program.newton import dependent_factors, newton_program, newton_step
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree.closed_positions import ClosedPositions, assemble_closed_positions, is_described
 from ncgen.program.tree.composite import massless
@@ -209,12 +209,9 @@ def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Si
 def newton(equations: Terms, split: Split, samples: Sequence[Sample], moved: Sequence[int] | None = None) -> Program:
     """The program newton(t, q, p) -> Δq of the coordinates `moved` (as for `closing`), Φ."""
     lines = Lines(equations)
-    step, phi = newton_step(lines, split, samples)
-    zero = lines.graph.const(0.0)
-    steps = [step.get(c, zero) for c in (split.dependent if moved is None else moved)]
-    residuals = [phi.get(r, zero) for r in range(len(equations.rows))]
-    made = lines.program if moved is None else lines.draft
-    return made("newton", ("t", "q", "p"), steps + residuals)
+    phi = lines.vector(KERNELS["phi"])
+    steps = newton_step(lines, phi, lines.matrix(KERNELS["phi_q"]), split, samples)
+    return newton_program(lines, split, moved, steps, phi)
 
 
 def by_all_coordinates(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> Program:

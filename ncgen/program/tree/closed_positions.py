@@ -22,7 +22,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.newton import newton_step
+from ncgen.program.newton import newton_program, newton_step
 from ncgen.program.programs import Split
 from ncgen.program.tree.rates import NoRecursion, check_samples
 from ncgen.symbolic.numbering import Terms
@@ -81,10 +81,7 @@ def assemble_closed_positions(
     if moved is None and placing.is_exact:
         return ClosedPositions(lines.program("newton", ("t", "q", "p"), [lines.coordinates[c] for c in split.dependent]), True)
     residuals = {} if placing.is_exact else Lines(equations, lines.graph).vector(KERNELS["phi"])
-    zero = lines.graph.const(0.0)
-    changes = [steps.get(c, zero) for c in (split.dependent if moved is None else moved)]
-    made = lines.program if moved is None else lines.draft
-    program = made("newton", ("t", "q", "p"), [*changes, *(residuals.get(r, zero) for r in range(len(equations.rows)))])
+    program = newton_program(lines, split, moved, steps, residuals)
     return ClosedPositions(program, len(hinges) == len(split.independent))
 
 
@@ -179,8 +176,9 @@ class Placing:
     def _newton(self, unknown: Sequence[int], split: Split) -> dict[int, int]:
         """{coordinate: node of its Δq} of those of links without hinges that have as many rows of nothing else that is not known, or of all
         that are unknown."""
+        jacobian = self.lines.matrix(KERNELS["phi_q"])
         columns: dict[int, set[int]] = defaultdict(set)
-        for r, c in self.lines.matrix(KERNELS["phi_q"]):
+        for r, c in jacobian:
             columns[r].add(c)
 
         def rows_of(some: Sequence[int]) -> tuple[int, ...]:
@@ -193,7 +191,7 @@ class Placing:
         if len(rows := rows_of(unknown)) != len(unknown):
             raise NoRecursion(f"{len(unknown)} coordinates of links without independent angles have {len(rows)} constraints")
         self.is_exact = False
-        steps, _ = newton_step(self.lines, Split(rows, tuple(unknown), ()), self.samples)
+        steps = newton_step(self.lines, self.lines.vector(KERNELS["phi"]), jacobian, Split(rows, tuple(unknown), ()), self.samples)
         return dict.fromkeys(unknown, self.lines.graph.const(0.0)) | steps
 
     def _turned_by(self, number: int) -> dict[int, int]:
