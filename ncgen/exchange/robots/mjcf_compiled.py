@@ -15,7 +15,6 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from importlib import import_module
 from importlib.util import find_spec
 from itertools import chain, product
 from pathlib import Path
@@ -23,6 +22,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from ncgen.errors import ModelError, NcgenError, shown
 from ncgen.exchange.robots.markup import Markup, read_markup
+from ncgen.exchange.robots.mjcf_bindings import bindings
 from ncgen.exchange.robots.mjcf_child import PLAIN_MESHES, UNREAD_FILES
 from ncgen.exchange.robots.mjcf_kept import keep_model, kept_model, key_of
 from ncgen.exchange.text import placed
@@ -263,7 +263,7 @@ def _compiled_now(path: Path, library: Path, text: str | None, unread: Sequence[
         if unread:
             write_text(Path(folder) / UNREAD_FILES, json.dumps(unread))
         messages = _run(file, library, Path(folder))
-        mujoco: Any = import_module("mujoco")
+        mujoco = bindings()
         before = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(lambda text: None)  # else it writes a file where Python happens to run
         try:
@@ -283,7 +283,7 @@ def _run(path: Path, library: Path, folder: Path) -> list[str]:
     no = subprocess.DEVNULL
     with subprocess.Popen(command, stdin=no, stdout=no, stderr=no) as process:
         try:
-            import_module("mujoco")  # meanwhile
+            bindings()  # meanwhile
             status = process.wait(WALL_TIME_FACTOR * SECONDS)
         except subprocess.TimeoutExpired:
             status = -getattr(signal, "SIGXCPU", signal.SIGTERM)
