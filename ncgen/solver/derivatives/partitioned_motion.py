@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving_breaks import Jump
 from ncgen.mechanism.reactive import ReactiveForce
@@ -23,7 +23,16 @@ from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.derivatives.partitioned_stage import PartitionedStage
 from ncgen.solver.finite import watched
 from ncgen.solver.formalisms.coordinate_partitioning import StepStart
-from ncgen.solver.positions.partition import determined, quality
+from ncgen.solver.positions.partition import (
+    DEGRADED,
+    Partition,
+    Partitions,
+    better_partitions,
+    determined,
+    quality,
+    regularity,
+    stuck_message,
+)
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.start import begin
@@ -32,16 +41,18 @@ NODES, WEIGHTS = (tuple(map(float, numbers)) for numbers in zip(*INTEGRATORS["rk
 """The classical Runge-Kutta method: k_i = f(t + c_i h, y + c_i h k_{i−1}), y + h Σ w_i k_i."""
 
 MAX_RESIDUAL = 1e-8
-"""What a step of a run may leave of the rule's equations: what Newton's method leaves of them, times a stiff slope."""
+"""What a step of a run may leave of the rule's equations, in natural sizes and relative to what moves: what Newton's method leaves of them,
+times a stiff slope."""
 
-MIN_QUALITY = 1e-5
-"""Quality of a partition below which a motion on it has no digits left to differentiate."""
+LEAST_REGULARITY = 1e-5
+"""Regularity of a partition below which a motion on it has no digits left to differentiate."""
 
 
 class PartitionedMotion:
-    """A motion over the steps of a grid, which are split at breaks of laws in time, every stage kept for the derivative's sake.
+    """A motion over the steps of a grid, which are split at breaks of laws in time, every stage kept for the derivative's sake. Where its
+    independent coordinates become bad it continues with others, as runs do.
 
-    t (K,); q, qd (K, n); names: of the columns of derivatives: parameters, z, rate(z)
+    t (K,); q, qd (K, n); names: of the columns of derivatives: parameters, z, rate(z), these at the start
     z_by_p: where z starts, by the parameters
     """
 
@@ -66,6 +77,8 @@ class PartitionedMotion:
         self.q0 = begun.q
         self._q: list[np.ndarray] = []
         self._qd: list[np.ndarray] = []
+        self._changed: dict[int, PartitionedStage] = {}
+        """By the number of a step that begins with other independent coordinates, the stage there in those before."""
         self._history: list[list[PartitionedStage]] | None = None
 
     @property
@@ -83,19 +96,34 @@ class PartitionedMotion:
             return {}
         return self.jumps(self._ends, *self._states)
 
-    def _across(self, k: int, dy: np.ndarray, dp: np.ndarray) -> np.ndarray:
+    def _across(self, k: int, dy: np.ndarray, dp: np.ndarray, independent: np.ndarray) -> np.ndarray:
         """Changes of y where step k begins, and a jump is behind it."""
         if k not in self._jumps:
             return dy
-        return dy + np.pad(self._jumps[k].along(dp)[self.partition.independent], ((0, self.nz), (0, 0)))
+        return dy + np.pad(self._jumps[k].along(dp)[independent], ((0, self.nz), (0, 0)))
 
-    def _felt(self, k: int, adjoint: np.ndarray) -> np.ndarray:
+    def _felt(self, k: int, adjoint: np.ndarray, independent: np.ndarray) -> np.ndarray:
         """What a jump where step k begins says of p."""
         if k not in self._jumps:
             return np.zeros(len(self.p))
         weights = np.zeros(self.kernels.n)
-        weights[self.partition.independent] = adjoint[: self.nz]
+        weights[independent] = adjoint[: self.nz]
         return self._jumps[k].felt(weights)
+
+    def _in_others(self, k: int, dy: np.ndarray, dp: np.ndarray, independent: np.ndarray) -> np.ndarray:
+        """Changes of y where step k begins, in the independent coordinates with which it does."""
+        if k not in self._changed:
+            return dy
+        _, dq, dqd = self._changed[k].forward(dy, dp)
+        return np.vstack([dqd[independent], dq[independent]])
+
+    def _in_those_before(self, k: int, adjoint: np.ndarray, independent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The transpose of `_in_others`: (ȳ, p̄)."""
+        if k not in self._changed:
+            return adjoint, np.zeros(len(self.p))
+        q_bar, qd_bar = np.zeros(self.kernels.n), np.zeros(self.kernels.n)
+        qd_bar[independent], q_bar[independent] = np.split(adjoint, [self.nz])
+        return self._changed[k].backward(np.zeros(2 * self.nz), q_bar, qd_bar)
 
     @property
     def qd(self) -> np.ndarray:
@@ -119,9 +147,10 @@ class PartitionedMotion:
         dy, dp = self._checked(directions)
         q_by, qd_by = [], []
         for k, (stages, h) in enumerate(zip(self._stages, np.diff(self._ends), strict=True)):
-            derivatives, total = np.zeros_like(dy), np.zeros_like(dy)
+            derivatives, total, independent = np.zeros_like(dy), np.zeros_like(dy), stages[0].partition.independent
+            dy = self._in_others(k, dy, dp, independent)
             _, *changes_at_start = stages[0].forward(dy, dp) if k in self._jumps else (None,)
-            dy = self._across(k, dy, dp)
+            dy = self._across(k, dy, dp, independent)
             for stage, node, weight in zip(stages, NODES, WEIGHTS, strict=True):
                 derivatives, *changes = stage.forward(dy + node * h * derivatives, dp)
                 changes_at_start = changes_at_start or changes
@@ -160,7 +189,7 @@ class PartitionedMotion:
         stages_of_all = self._stages
         adjoint, p_bar = self._last.backward(still, by_q[-1], by_qd[-1])
         for k, stages in reversed(list(enumerate(stages_of_all))):
-            later, h = np.zeros_like(adjoint), lengths[k]
+            later, h, independent = np.zeros_like(adjoint), lengths[k], stages[0].partition.independent
             total = adjoint.copy()
             for i in reversed(range(4)):
                 ahead = h * NODES[i + 1] * later if i < 3 else 0.0
@@ -169,8 +198,9 @@ class PartitionedMotion:
                 p_bar = p_bar + by_p
                 driven.values[k, i] = by_p[len(by_p) - driven.values.shape[2] :]
             from_stage, by_p = stages[0].backward(still, by_q[k], by_qd[k])
-            p_bar = p_bar + by_p + self._felt(k, total)
-            adjoint = total + from_stage
+            p_bar = p_bar + by_p + self._felt(k, total, independent)
+            adjoint, by_p = self._in_those_before(k, total + from_stage, independent)
+            p_bar = p_bar + by_p
         self.jumps.check(by)
         return self._by_columns(adjoint, p_bar), driven
 
@@ -187,37 +217,71 @@ class PartitionedMotion:
 
     def _steps(self) -> Iterator[list[PartitionedStage]]:
         """The four stages of every step; `_last` is the instant at the end."""
-        y, guess = self.y0, StepStart(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
-        for t, h in zip(self._ends, np.diff(self._ends), strict=False):
-            stages, derivative = [], np.zeros_like(y)
-            for node in NODES:
-                stage = self._stage_at(guess, t + node * h, y + node * h * derivative, self._present(t, t + node * h))
-                stages.append(stage)
-                derivative = stage.slope
+        begin = StepStart(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
+        first = self._stage_at(self.partition, begin, self._ends[0], self.y0, self._present(self._ends[0], self._ends[0]))
+        chosen_with = self._quality(first)
+        for k, h in enumerate(np.diff(self._ends)):
+            other = self._in_better_coordinates(first) if self._quality(first) <= DEGRADED * chosen_with else None
+            try:
+                stages, following = self._step(other or first, h)
+            except (ConvergenceError, SingularError):
+                other = None if other else self._in_better_coordinates(first)
+                if other is None:
+                    raise
+                stages, following = self._step(other, h)
+            if other:
+                self._changed[k], chosen_with = first, self._quality(other)
             self._keep(stages[0])
-            guess = StepStart(t, stages[0].q, stages[0].qd, self.p)
-            y = y + h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
             yield stages
-        self._last = self._stage_at(guess, self._ends[-1], y, self._present(self._ends[-1], self._ends[-1]))
-        self._keep(self._last)
+            first = following
+        self._last = first
+        self._keep(first)
 
-    def _stage_at(self, guess: StepStart, t: float, y: np.ndarray, p: np.ndarray) -> PartitionedStage:
-        return PartitionedStage(self.kernels, self.partition, guess, t, y, p)
+    def _step(self, first: PartitionedStage, h: float) -> tuple[list[PartitionedStage], PartitionedStage]:
+        """The stages of a step from its first one, and the stage that follows.
+
+        Raises ConvergenceError or SingularError where these coordinates do not lead through it.
+        """
+        begin, t, stages = StepStart(first.t, first.q, first.qd, self.p), first.t, [first]
+        for node in NODES[1:]:
+            y = first.y + node * h * stages[-1].slope
+            stages.append(self._stage_at(first.partition, begin, t + node * h, y, self._present(t, t + node * h)))
+        y = first.y + h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
+        stages.append(self._stage_at(first.partition, begin, t + h, y, self._present(t + h, t + h)))
+        if any(stage.orientation != first.orientation for stage in stages):
+            raise SingularError(stuck_message(self.kernels, t, h))
+        return stages[:-1], stages[-1]
+
+    def _in_better_coordinates(self, stage: PartitionedStage) -> PartitionedStage | None:
+        """The same instant on other independent coordinates, where there are clearly better ones."""
+        at, present = StepStart(stage.t, stage.q, stage.qd, stage.p), Partitions(stage.partition, stage.partition)
+        better = better_partitions(self.kernels, present, stage.q, stage.t, stage.p)
+        if better is None:
+            return None
+        independent = better.position.independent
+        return self._stage_at(better.position, at, stage.t, np.concatenate([stage.qd[independent], stage.q[independent]]), stage.p)
+
+    def _quality(self, stage: PartitionedStage) -> float:
+        return quality(self.kernels, stage.partition, stage.q, stage.t, stage.p)
+
+    def _stage_at(self, partition: Partition, guess: StepStart, t: float, y: np.ndarray, p: np.ndarray) -> PartitionedStage:
+        return PartitionedStage(self.kernels, partition, guess, t, y, p)
 
     def _present(self, begun: float, t: float) -> np.ndarray:
         """p with the inputs of a time inside a step that began at another one."""
         return self.signals.begun_at(begun)(t, self.p) if self.signals else self.p
 
     def _keep(self, stage: PartitionedStage) -> None:
-        self._check_quality(stage)
+        self._check_regularity(stage)
         self._q.append(stage.q)
         self._qd.append(stage.qd)
 
-    def _check_quality(self, stage: PartitionedStage) -> None:
-        if quality(self.kernels, self.partition, stage.q, stage.t, self.p) < MIN_QUALITY:
-            names = ", ".join(self.partition.names(self.kernels))
+    def _check_regularity(self, stage: PartitionedStage) -> None:
+        if regularity(self.kernels, stage.partition, stage.q, stage.t, self.p) < LEAST_REGULARITY:
+            names = ", ".join(stage.partition.names(self.kernels))
             raise ModelError(
-                f"{names} do not determine the motion any more at t = {stage.t:.6g} s; choose other independent coordinates (z)"
+                f"{names} do not determine the motion any more at t = {stage.t:.6g} s; "
+                "choose other independent coordinates (z), or end it before"
             )
 
 
@@ -255,12 +319,14 @@ class TrapezoidalMotion(PartitionedMotion):
     def _stage(self, guess: StepStart, k: int, begun: float, t: float) -> PartitionedStage:
         """That of the run at an end of a step which began at a time (s)."""
         independent, q, qd = self.partition.independent, self._run_q[k], self._run_qd[k]
-        stage = self._stage_at(guess, t, np.concatenate([qd[independent], q[independent]]), self._present(begun, t))
-        self._check_quality(stage)
+        stage = self._stage_at(self.partition, guess, t, np.concatenate([qd[independent], q[independent]]), self._present(begun, t))
+        self._check_regularity(stage)
         return stage
 
     def _check_step(self, before: PartitionedStage, after: PartitionedStage, h: float) -> None:
-        if not np.allclose(after.y, before.y + h / 2 * (before.slope + after.slope), rtol=0, atol=MAX_RESIDUAL):
+        sizes = np.tile(self.kernels.column_sizes[self.partition.independent], 2)
+        remainder, moving = np.abs(after.y - before.y - h / 2 * (before.slope + after.slope)) / sizes, np.abs(before.y / sizes)
+        if not np.all(remainder <= MAX_RESIDUAL * (1.0 + np.max(moving, initial=0.0))):
             names = ", ".join(self.partition.names(self.kernels))
             raise ModelError(
                 f"the step to t = {after.t:.6g} s went on with other independent coordinates than {names}; choose some that last (z)"
@@ -278,7 +344,7 @@ class TrapezoidalMotion(PartitionedMotion):
         changes_at: dict[int, list[np.ndarray]] = {}
         for k, (step, h) in enumerate(zip(self._steps_of_run, np.diff(self._ends), strict=True)):
             if step is None:
-                dy, before = self._across(k, dy, dp), None
+                dy, before = self._across(k, dy, dp, self.partition.independent), None
                 continue
             first, last = step
             if first is not before:
@@ -299,7 +365,7 @@ class TrapezoidalMotion(PartitionedMotion):
         for k, h in reversed(list(enumerate(np.diff(self._ends)))):
             step = steps[k]
             if step is None:
-                p_bar = p_bar + self._felt(k, adjoint)
+                p_bar = p_bar + self._felt(k, adjoint, self.partition.independent)
                 continue
             first, last = step
             if steps[k + 1] is None:  # else it is seen with the first stage of the next step

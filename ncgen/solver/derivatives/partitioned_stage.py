@@ -38,7 +38,7 @@ class PartitionedStage:
         self.y = y
         self.q, _ = dependent_position(kernels, partition, guess, t, y[nz:])
         now = motion_at(kernels, partition, t, self.q, y[:nz], p)
-        self.qd, self.qdd, self.lam = now.qd, now.qdd, now.lam
+        self.qd, self.qdd, self.lam, self.orientation = now.qd, now.qdd, now.lam, now.orientation
         self.slope = np.concatenate([now.qdd[partition.independent], y[:nz]])
 
     def _linearise(self) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, ModelError, SingularError
+from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.listening import Progress
 from ncgen.mechanism.run_arguments import InitialState
@@ -16,7 +16,7 @@ from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.positions.branches import refresh_branches, rule_of
 from ncgen.solver.positions.described_position import found_in_described, is_described
 from ncgen.solver.positions.open_tree import open_tree
-from ncgen.solver.positions.partition import MIN_GAIN, Partitions, determined, other_partitions, quality, stuck_message
+from ncgen.solver.positions.partition import Partitions, better_partitions, determined, stuck_message, worth
 from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
@@ -264,19 +264,11 @@ def _better(
     kernels: Kernels, partitions: Partitions, used_partitions: list[Partitions], q: np.ndarray, t: float, p: np.ndarray
 ) -> Partitions:
     """The best partition at q if it is clearly better than the present one; one used before in this run if it will do."""
-    try:
-        best = other_partitions(kernels, partitions, q, t, p)
-    except SingularError:
+    best = better_partitions(kernels, partitions, q, t, p)
+    if best is None:
         return partitions
-
-    def worth(x: Partitions) -> float:
-        return min(quality(kernels, partition, q, t, p) for partition in {x.velocity, x.position})
-
-    possible = worth(best)
-    if possible < MIN_GAIN * worth(partitions):
-        return partitions
-    known = max(used_partitions, key=worth)
-    if worth(known) >= REUSE * possible:
+    known = max(used_partitions, key=lambda used: worth(kernels, used, q, t, p))
+    if worth(kernels, known, q, t, p) >= REUSE * worth(kernels, best, q, t, p):
         return known
     used_partitions.append(best)
     return best

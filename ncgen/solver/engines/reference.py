@@ -25,7 +25,7 @@ from ncgen.solver.formalisms.projection import project
 from ncgen.solver.integrators.shared_tolerance import sharing
 from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.partition import MIN_GAIN, Partitions, determined, other_partitions, quality, stuck_message
+from ncgen.solver.positions.partition import DEGRADED, better_partitions, determined, stuck_message, worth
 from ncgen.solver.positions.rank import scaled_jacobian
 from ncgen.solver.positions.row_choice import counting_rows, largest_share
 from ncgen.solver.runs.path import Path
@@ -39,10 +39,6 @@ RETRIES = 8
 
 MUCH_LARGER = 10.0
 """Growth of the shares with which rows that count imply others that asks for another choice of them."""
-
-DEGRADED = 0.7
-"""Other independent coordinates are looked for when the quality falls below this fraction of what it was when chosen: late changes
-cost more in short steps than early ones in restarts."""
 
 
 def run(path: Path, kernels: Kernels, task: Task) -> None:
@@ -268,7 +264,7 @@ class Independent(ReferenceRun):
         rates = self.task.velocities if qd is None else qd[self.partitions.velocity.independent]
         motion = motion_at(self.kernels, self.partitions.velocity, t, q, rates, self.p)
         self.start = StepStart(t, motion.q, motion.qd, self.p)
-        self.chosen_with = self._quality(self.partitions)
+        self.chosen_with = self._worth()
         return motion.q, motion.qd
 
     @property
@@ -293,7 +289,7 @@ class Independent(ReferenceRun):
     def accept(self, solver: OdeSolver, state: State) -> OdeSolver:
         q, qd, _ = state
         self.start = StepStart(float(solver.t), q, qd, self.p)
-        if solver.status == "running" and self._quality(self.partitions) <= DEGRADED * self.chosen_with and self._chose_others():
+        if solver.status == "running" and self._worth() <= DEGRADED * self.chosen_with and self._chose_others():
             return self.fresh(self.start.t, state)
         return solver
 
@@ -319,20 +315,17 @@ class Independent(ReferenceRun):
             )
         return now
 
-    def _quality(self, partitions: Partitions) -> float:
-        """Of the worse of two choices of independent coordinates, at the start of a step."""
-        at = self.start
-        return min(quality(self.kernels, each, at.q, at.t, at.p) for each in {partitions.position, partitions.velocity})
+    def _worth(self) -> float:
+        """Of the independent coordinates at the start of a step."""
+        return worth(self.kernels, self.partitions, self.start.q, self.start.t, self.start.p)
 
     def _chose_others(self) -> bool:
-        """Change to other independent coordinates for the same state where there are clearly better ones."""
-        try:
-            other = other_partitions(self.kernels, self.partitions, self.start.q, self.start.t, self.start.p)
-        except SingularError:
-            return False  # no choice is good here: the steps will show whether the motion can go on
-        possible = self._quality(other)
-        if possible < MIN_GAIN * self._quality(self.partitions):
+        """Change to other independent coordinates for the same state where there are clearly better ones. Where no choice is good, the
+        steps will show whether the motion can go on."""
+        other = better_partitions(self.kernels, self.partitions, self.start.q, self.start.t, self.start.p)
+        if other is None:
             return False
-        self.partitions, self.chosen_with = other, possible
+        self.partitions = other
+        self.chosen_with = self._worth()
         self.changes += 1
         return True

@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.errors import ModelError, SingularError, counted
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.algebra.pivoting import column_order
-from ncgen.solver.lapack import dgetrf, dgetrs
+from ncgen.solver.lapack import dgetrf, dgetrs, singular_values
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.rank import Freedom, best_rows, freedom, scaled_jacobian
 from ncgen.solver.positions.sparse_rows import DENSE
@@ -23,8 +23,12 @@ from ncgen.solver.positions.sparse_rows import DENSE
 Factors: TypeAlias = tuple[np.ndarray, np.ndarray] | tuple[()]
 """LU and exchanges of rows of a square matrix; nothing of an empty one."""
 
-MIN_QUALITY = 1e-7
-"""A partition of lower quality is refused."""
+MIN_REGULARITY = 1e-7
+"""A partition of lower regularity is refused."""
+
+DEGRADED = 0.7
+"""Other independent coordinates are looked for when the quality falls below this fraction of what it was when chosen: late changes
+cost more in short steps than early ones in restarts."""
 
 MIN_GAIN = 1.3
 """A new partition must be better by this factor to be worth a change."""
@@ -108,6 +112,20 @@ def other_partitions(kernels: Kernels, present: Partitions, q: np.ndarray, t: fl
     return choose_partitions(kernels, q, t, p, rows=rows)
 
 
+def worth(kernels: Kernels, partitions: Partitions, q: np.ndarray, t: float, p: np.ndarray) -> float:
+    """The quality at q of the worse of two partitions."""
+    return min(quality(kernels, partition, q, t, p) for partition in {partitions.position, partitions.velocity})
+
+
+def better_partitions(kernels: Kernels, present: Partitions, q: np.ndarray, t: float, p: np.ndarray) -> Partitions | None:
+    """The best partitions at q; None where they are not clearly better than the present ones, or no choice is good."""
+    try:
+        best = other_partitions(kernels, present, q, t, p)
+    except SingularError:
+        return None
+    return best if worth(kernels, best, q, t, p) >= MIN_GAIN * worth(kernels, present, q, t, p) else None
+
+
 def choose_partition(
     kernels: Kernels,
     q: np.ndarray,
@@ -142,7 +160,7 @@ def choose_partition(
     pivots = column_order(jacobian[:, others]) if 0 < count < len(others) else np.arange(len(others))
     dependent = np.sort(others[pivots[:count]])
     partition = Partition(rows, dependent, np.array(wanted + sorted(set(others[pivots[count:]].tolist())), dtype=int))
-    if quality(kernels, partition, q, t, p) < MIN_QUALITY:
+    if regularity(kernels, partition, q, t, p) < MIN_REGULARITY:
         names = ", ".join(independent) or "the coordinates"
         raise SingularError(f"{names} do not determine the position here: the partition is singular; choose other independent coordinates")
     return partition
@@ -165,11 +183,29 @@ def _position(kernels: Kernels, name: str) -> int:
 
 
 def quality(kernels: Kernels, partition: Partition, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> float:
-    """Smallest singular value of the scaled Φ_q^d over the norm of Φ_q: 0 is singular, larger is better."""
+    """How little errors of the independent coordinates grow in all others: 1/‖R‖ in natural sizes, times how far the kept rows are from
+    dependent next to all rows. 0 is singular, 1 is best.
+
+    With an orthonormal basis in the place of the rows of Φ_q, the least singular value of the dependent columns is 1/‖R‖. That of Φ_q^d
+    itself is at most the least one of Φ_q, which may be small whatever the choice is.
+    """
+    if not len(partition.rows):
+        return 1.0
+    jacobian = scaled_jacobian(kernels, q, t, p)
+    kept = jacobian[partition.rows]
+    basis = np.linalg.qr(kept.T)[0]
+    smallest = singular_values(basis[partition.dependent])[-1]
+    if len(kept) < len(jacobian):
+        smallest *= singular_values(kept)[-1] / max(singular_values(jacobian)[len(kept) - 1], 1e-300)
+    return float(smallest)
+
+
+def regularity(kernels: Kernels, partition: Partition, q: np.ndarray, t: float, p: np.ndarray | None) -> float:
+    """Smallest singular value of the scaled Φ_q^d over the norm of Φ_q: 0 where the partition or the position is singular."""
     if not len(partition.rows):
         return 1.0
     jacobian = scaled_jacobian(kernels, q, t, p)[partition.rows]
-    smallest = np.linalg.svd(jacobian[:, partition.dependent], compute_uv=False)[-1]
+    smallest = singular_values(jacobian[:, partition.dependent])[-1]
     return float(smallest / max(np.linalg.norm(jacobian), 1e-300))
 
 

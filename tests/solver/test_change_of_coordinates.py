@@ -1,0 +1,77 @@
+"""Independent coordinates give way to others where they become bad, in runs and in derivatives of motions, however rows are scaled."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen import Model
+from ncgen.solver.positions.partition import Partition, quality
+
+TURN, RATE, DURATION = 2.5, 3.0, 2.0
+"""The angle (rad) at the start of a free pendulum of 1 m, its rate (rad/s), and the length of the motion (s): a whole turn, nearly."""
+
+
+def free_pendulum(share: float = 1.0, **options) -> Model:
+    """A point mass on a rod, without gravity, beside a point on a line that is told times a small share."""
+    model = Model("free", **options)
+    A = model.point("A", (0, 0), fixed=True)
+    B = model.point("B", (np.cos(TURN), np.sin(TURN)))
+    C = model.point("C", (0, 0), fixed="y")
+    model.distance(A, B)
+    model.body("bob", points=[B], mass=2.0)
+    model.body("slide", points=[C], mass=1.0)
+    model.constrain(share * C.x)
+    return model
+
+
+def at(t, turn=TURN, rate=RATE):
+    """B at times (s)."""
+    return np.column_stack([np.cos(turn + rate * t), np.sin(turn + rate * t)])
+
+
+@pytest.fixture(scope="module", params=["numpy", "c"])
+def kernels(request):
+    return ncgen.compile(free_pendulum(1e-5), backend=request.param)
+
+
+@pytest.mark.parametrize("angle", [0.3, 1e-3])
+def test_quality_is_one_over_the_growth_of_errors(kernels, angle):
+    """With x alone independent, R = [1; −x/y; 0] on the unit circle, so 1/‖R‖ = |y|; the other row says nothing of it."""
+    i = kernels.index
+    q = np.zeros(kernels.n)
+    q[[i["B.x"], i["B.y"]]] = np.cos(angle), np.sin(angle)
+    partition = Partition(np.arange(2), np.sort([i["B.y"], i["C.x"]]), np.array([i["B.x"]]))
+    assert quality(kernels, partition, q) == pytest.approx(np.sin(angle), rel=1e-9)
+
+
+def test_a_run_changes_them(kernels):
+    """By equal steps of rk4, whose error is that of θ̇ h⁵: with coordinates that are not changed it is that of their growth."""
+    start = {"q0": {"B.x": np.cos(TURN), "B.y": np.sin(TURN)}, "zd0": {"B.y": RATE * np.cos(TURN)}}
+    run = ncgen.simulate(kernels, DURATION, formalism="coordinate-partitioning", integrator="rk4", max_step=0.01, points=41, **start)
+    assert run.statistics.partition_changes >= 3
+    assert run.q[:, [kernels.index["B.x"], kernels.index["B.y"]]] == pytest.approx(at(run.t), abs=2e-6)
+
+
+def test_derivatives_go_along():
+    """x(T) = cos(θ₀ + ω T) where θ₀ and ω follow from y and ẏ at the start: in closed form by these, to the error of the steps."""
+    kernels = ncgen.compile(free_pendulum(1e-5), backend="numpy")
+    y, yd = np.sin(TURN), RATE * np.cos(TURN)
+    given = {"zd0": {"B.y": yd}, "z": ("B.y",)}
+    index, ends = kernels.index["B.x"], []
+
+    def objective(q, qd):
+        ends[:] = [q[-1], qd[-1]]
+        by_q = np.zeros_like(q)
+        by_q[-1, index] = 1.0
+        return q[-1, index], by_q, None
+
+    found = ncgen.gradient(kernels, DURATION, 400, objective, **given)
+    angle_by_y, rate_by_y, rate_by_yd = 1 / np.cos(TURN), yd * y / np.cos(TURN) ** 3, 1 / np.cos(TURN)
+    slope = -np.sin(TURN + RATE * DURATION)
+    expected = {"B.y": slope * (angle_by_y + rate_by_y * DURATION), "rate(B.y)": slope * rate_by_yd * DURATION}
+    assert found.value == pytest.approx(np.cos(TURN + RATE * DURATION), abs=1e-7)
+    assert {name: found.derivatives[name] for name in expected} == pytest.approx(expected, rel=1e-6)
+    forward = ncgen.sensitivities(kernels, DURATION, 400, by=("B.y", "rate(B.y)"), **given)
+    assert forward.q_by[-1, index] == pytest.approx([found.derivatives["B.y"], found.derivatives["rate(B.y)"]], rel=1e-10)
