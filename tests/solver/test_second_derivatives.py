@@ -122,7 +122,7 @@ def test_refusals():
     with pytest.raises(ModelError, match=r"^directions: they have shape \(3,\); give \(12, D\), a row for each of crank, rise"):
         ncgen.hessian(kernels, 0.1, 2, lambda q, qd: (0.0, None, None, None), np.ones(3))
     slow = ncgen.compile(linkage(), "numpy")
-    with pytest.raises(ModelError, match="^linkage: its motion is not emitted in C, so it has no second derivatives"):
+    with pytest.raises(ModelError, match="^linkage: its motion is not emitted in C, or .* so it has no second derivatives"):
         ncgen.hessian(slow, 0.1, 2, lambda q, qd: (0.0, None, None, None))
 
 

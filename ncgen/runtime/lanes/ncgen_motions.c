@@ -123,6 +123,17 @@ static void project_state(run *r, double t, ncgen_real *closed)
     ncgen_copy(n, r->output + n, qd);
 }
 
+/* As of ncgen_constrained.c: lanes in which small pivots multiply errors of a step are good no more. */
+static void check_errors(run *r, const ncgen_real *qd, const ncgen_real *allowed, ncgen_real growth)
+{
+    const ncgen_mask digit_lost = growth >= 100.0;
+    if (!ncgen_any(digit_lost))
+        return;
+    for (int i = 0; i < r->n; ++i)
+        r->offset[i] = allowed[i] - qd[i];
+    r->good &= ~(digit_lost & (largest_of(r->n, r->offset, r->per_column) > 1.0e-4 * largest_of(r->n, qd, r->per_column)));
+}
+
 /* [qd, qdd] of a state into stage_derivatives; lanes with pivot growth, or a NaN, are good no more. */
 static ncgen_real derivative(run *r, double t, const ncgen_real *state, ncgen_real *stage_derivatives)
 {
@@ -136,6 +147,7 @@ static ncgen_real derivative(run *r, double t, const ncgen_real *state, ncgen_re
     for (int k = 0; k < CHAINS; ++k)
         r->good &= sums[k] - sums[k] == 0.0;
     r->good &= r->output[2 * n + 1] < max_growth;
+    check_errors(r, state + n, r->output + n, r->output[2 * n + 1]);
     return r->output[2 * n + 1];
 }
 

@@ -251,6 +251,22 @@ static int take(ncgen_run *r, ncgen_constrained *w, ncgen_real *yd)
     return 1;
 }
 
+/* Small pivots multiply how far velocities of a stage are from those that the joints allow by the root of their growth. A run with a tape goes
+ * on with such pivots, and without error control nothing else shows that its steps have a digit less than others. */
+static int multiplies_errors(const ncgen_run *r, ncgen_real growth, const ncgen_real *qd, const ncgen_real *allowed)
+{
+    const ncgen_scalar digit_lost = R(100.0), harmless = R(1.0e-4);
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    if (!r->options->tape || !ncgen_is_fixed_explicit(r->options) || growth < digit_lost)
+        return 0;
+    ncgen_real apart = 0;
+    for (int i = 0; i < r->n; ++i) {
+        const ncgen_real difference = NCGEN_ABS(allowed[i] - qd[i]) / sizes[i];
+        apart = difference > apart ? difference : apart;
+    }
+    return apart > harmless * ncgen_largest(r->n, qd, sizes);
+}
+
 /* The derivative of the state (q, qd) by the recursion; 0 where its order of elimination is a bad one. */
 static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *yd)
 {
@@ -258,7 +274,7 @@ static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const
     if (ncgen_read_inputs(r, t) != NCGEN_OK)
         return 0; /* the same is found again, and reported, on the way by the matrix */
     ncgen_recursive_derivative(r, t, q, qd, yd);
-    return take(r, w, yd);
+    return !multiplies_errors(r, *ncgen_growth_in(r, yd), qd, yd + r->n) && take(r, w, yd);
 }
 
 int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd)

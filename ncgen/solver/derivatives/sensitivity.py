@@ -197,7 +197,10 @@ def hessian(
     refuse_events(kernels.model, "hessian")
     motion = motion_of(kernels, duration, steps, **arguments)
     if not isinstance(motion, TapedMotion):
-        raise ModelError(f"{kernels.name}: its motion is not emitted in C, so it has no second derivatives; take differences of gradient")
+        raise ModelError(
+            f"{kernels.name}: its motion is not emitted in C, or comes to where its order of elimination does not suit, "
+            "so it has no second derivatives; take differences of gradient"
+        )
     count = len(motion.names)
     along = np.eye(count) if directions is None else numbers_of(directions, "directions")
     if along.ndim != 2 or len(along) != count:
