@@ -259,12 +259,12 @@ static int multiplies_errors(const ncgen_run *r, ncgen_real growth, const ncgen_
     const ncgen_scalar *sizes = r->dynamics->column_sizes;
     if (!r->options->tape || !ncgen_is_fixed_explicit(r->options) || growth < digit_lost)
         return 0;
-    ncgen_real apart = 0;
+    ncgen_real largest = 0;
     for (int i = 0; i < r->n; ++i) {
         const ncgen_real difference = NCGEN_ABS(allowed[i] - qd[i]) / sizes[i];
-        apart = difference > apart ? difference : apart;
+        largest = difference > largest ? difference : largest;
     }
-    return apart > harmless * ncgen_largest(r->n, qd, sizes);
+    return largest > harmless * ncgen_largest(r->n, qd, sizes);
 }
 
 /* The derivative of the state (q, qd) by the recursion; 0 where its order of elimination is a bad one. */
