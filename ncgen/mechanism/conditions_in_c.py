@@ -8,13 +8,16 @@ from fractions import Fraction
 from functools import cache
 from itertools import accumulate
 from math import comb, cos, pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.runtime_library import formula_walker
-from ncgen.program.motions.condition_formulas import FormulaTable
 from ncgen.toolchain.abi import InC, Interface, Number
+
+if TYPE_CHECKING:
+    from ncgen.program.motions.condition_formulas import FormulaTable
 
 LINEAR, QUADRATIC = 8, 14
 """Degrees of the polynomials in time that conditions are within a step: interpolants have degree 7 at most, products of two of them 14."""

@@ -103,7 +103,7 @@ def own_direction(model: Contents, reference: object, where: str) -> Combination
             raise ModelError(f"{where}: the weight {shown(weight)} of {element.name} is not a number; directions are combined with numbers")
     if not direction.is_direction:
         raise ModelError(f"{where}: {direction} is not a direction; give a vector or a difference of points")
-    if np.max(np.abs(direction.initial)) > MAX_NUMBER:
+    if max(map(abs, direction.initial.tolist())) > MAX_NUMBER:
         raise ModelError(f"{where}: {direction} is longer than {MAX_NUMBER:g}; the weights of its elements are too large")
     return direction
 

@@ -14,6 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+DOUBLE = np.dtype(float)
+"""The type of arrays of numbers, one object for all of them."""
+
 
 def dot(a: ArrayLike, b: ArrayLike) -> float:
     """The scalar product of two vectors (k,); the sum is rounded once."""
@@ -27,7 +30,7 @@ def norm(a: ArrayLike) -> float:
     if not 0.0 < largest < math.inf:
         return largest
     _, power = math.frexp(largest)
-    return math.ldexp(math.sqrt(math.fsum(math.ldexp(x, -power) ** 2 for x in numbers)), power)
+    return math.ldexp(math.sqrt(math.fsum([math.ldexp(x, -power) ** 2 for x in numbers])), power)
 
 
 def unit(a: ArrayLike) -> np.ndarray:
@@ -78,6 +81,8 @@ def weights(base: np.ndarray | Sequence[ArrayLike], target: ArrayLike) -> list[f
 
 
 def _floats(a: ArrayLike) -> list[Any]:
+    if a.__class__ is np.ndarray and a.dtype is DOUBLE:  # as most are
+        return a.tolist()
     return np.asarray(a, dtype=float).tolist()
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ncgen.errors import ModelError
@@ -166,7 +164,7 @@ class BodyElements(OwnConstraints):
                 across = [as_combination(Constant.of("across", measures.unit(normal), self._numbers(measures.unit(normal))))]
             made += [row.dot(direction, n, 0.0, arithmetic.norm(direction.initial), owner, f"rest {direction}", self.scale) for n in across]
         frame.resting = max(1, len(frame.directions))
-        self.rows += [replace(new, measured=True) for new in made if not row.is_trivial(new)]
+        self.rows += [new.as_measured() for new in made if not row.is_trivial(new)]
 
     def _complete(self, body: Body) -> None:
         """An auxiliary unit vector that completes a body's base of two directions to three."""

@@ -57,6 +57,7 @@ class Contents:
     left_out: what a robot's file says in addition, in words
     assembled: (joint, how far it was moved to close loops, rad or m), of a robot's file
     closing: makes a robot's model with one loop more; None of other models
+    keeps_state: whether a call that is refused leaves no trace; not while a reader makes a model that it drops then
     starts: {name: arguments of `ncgen.simulate` (q0, qd0, t0)}, states that a robot's file names
     has_separate_numbers: whether numbers that are equal are merged in generated code no more than others, since each may be changed alone,
     as in a robot's file
@@ -98,6 +99,7 @@ class Contents:
     has_separate_numbers: bool
     frames: dict[str, BodyFrame]
     limits: dict[str, tuple[float, float]]
+    keeps_state: bool
     _related: Claims
     _box: Box | None
     _is_recording: bool

@@ -24,7 +24,7 @@ OF_EVENTS = ("events", "frictions", "contacts", "ratchets", "locks", "beginnings
 
 NOT_IN_EQUATIONS = (
     *OF_EVENTS, "facts", "callbacks", "conditions", "drawing", "left_out", "assembled", "closing", "starts", "frames",
-    "simulation_options", "_related", "_is_recording", "_box",
+    "simulation_options", "keeps_state", "_related", "_is_recording", "_box",
 )  # fmt: skip
 """What a model also holds: how it was told, what is called from Python only, what happens on the way, what p must satisfy, what is shown,
 what is done with it. All else counts."""

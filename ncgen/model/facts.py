@@ -49,7 +49,8 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
             raise ModelError(f"{method.__name__}: {error}; it takes {', '.join(list(signature.parameters)[1:])}") from None
         read(self, method.__name__, bound, readings)
         check_curves(self, method.__name__, bound.arguments)
-        before = None if self._is_recording else _State(self, bound.arguments.values())
+        is_outermost = not self._is_recording
+        before = _State(self, bound.arguments.values()) if is_outermost and self.keeps_state else None
         self._is_recording = True
         try:
             result = called(*bound.args, **bound.kwargs)
@@ -58,8 +59,8 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
                 before.restore()
             raise
         finally:
-            self._is_recording = before is None
-        if before is not None:
+            self._is_recording = not is_outermost
+        if is_outermost:
             self.facts.append(Fact(method.__name__, {k: v for k, v in bound.arguments.items() if k != "self"}))
         return result
 

@@ -101,6 +101,7 @@ class Model(Gears, LoopClosing, Locks, Pictures):
         self.closing = None
         self.starts = {}
         self.has_separate_numbers = False
+        self.keeps_state = True
         self._is_recording = False
 
     def __repr__(self) -> str:

@@ -11,7 +11,7 @@ Lengths and angles that belong to elements shared with another body are not repe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -94,25 +94,26 @@ def include(
     if frame.origin is None:
         _start(frame, elements)
     waiting = [e for e in elements if e is not frame.origin]
+    directions = {element: _direction(frame, element) for element in waiting}
     made: list[Row] = []
     for nearest in (measures.MIN_RELATIVE_LENGTH * extent, ROUNDING * extent):
         for least in (PREFERRED_SINE, MIN_SINE):
             for element in list(waiting):
-                direction = _direction(frame, element)
-                if len(frame.matrix().T) == 3 or not _shows_direction(direction, nearest):
+                direction = directions[element]
+                if len(frame.directions) + frame.is_crossed == 3 or not _shows_direction(direction, nearest):
                     continue
                 if _distance_from_base(frame, direction) > least:
                     made += _base_rows(frame, element, direction, known, scaled)
                     frame.directions.append(direction)
                     waiting.remove(element)
     frame.close_points += [
-        e for e in waiting if isinstance(e, Point) and not _shows_direction(_direction(frame, e), measures.MIN_RELATIVE_LENGTH * extent)
+        e for e in waiting if isinstance(e, Point) and not _shows_direction(directions[e], measures.MIN_RELATIVE_LENGTH * extent)
     ]
     for element in waiting:
-        if len(frame.directions) == frame.planar and not arithmetic.norm(_direction(frame, element).initial) > 0:
+        if len(frame.directions) == frame.planar and not arithmetic.norm(directions[element].initial) > 0:
             raise ModelError(f"{frame.owner}: the points {element.name} and {_origin(frame).name} coincide; share one point instead")
         made += _combined_rows(frame, element, parameters, extent)
-    return [replace(r, measured=True) for r in made if not row.is_trivial(r)]
+    return [r.as_measured() for r in made if not row.is_trivial(r)]
 
 
 def _shows_direction(direction: Combination, nearest: float) -> bool:
@@ -148,14 +149,11 @@ def _origin(frame: Frame) -> Point:
 
 
 def _distance_from_base(frame: Frame, direction: Combination) -> float:
-    """Sine of the angle between a direction and what the base spans."""
-    unit = direction.initial / np.linalg.norm(direction.initial)
-    base = frame.matrix()
-    if not base.size:
-        return 1.0
-    base = base / np.linalg.norm(base, axis=0)  # else a long direction hides what the others span
-    inside = base @ np.linalg.lstsq(base, unit, rcond=None)[0]
-    return float(np.linalg.norm(unit - inside))
+    """Sine of the angle between a direction and what the base spans, which is a line or a plane, or nothing yet."""
+    base, unit = [arithmetic.unit(d.initial) for d in frame.directions], arithmetic.unit(direction.initial)
+    if len(base) == 2:
+        return abs(arithmetic.dot(arithmetic.unit(arithmetic.cross(*base)), unit))
+    return arithmetic.norm(arithmetic.cross(base[0], unit)) if base else 1.0
 
 
 def _base_rows(frame: Frame, element: Spatial, direction: Combination, known: Claims, scaled: bool) -> list[Row]:

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -64,6 +65,11 @@ class Row:
 
     def __repr__(self) -> str:
         return f"<Row {self.code or self.level}: {self.label}, {self.owner}>"
+
+    def as_measured(self) -> Row:
+        """The same row, its lengths and angles being those of the initial position."""
+        members: dict[str, Any] = {**vars(self), "measured": True}
+        return Row(**members)
 
     @property
     def equation(self) -> str:

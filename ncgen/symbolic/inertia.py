@@ -65,19 +65,20 @@ class StandardInertia:
 
 
 _known: WeakKeyDictionary[Inertia, dict[tuple[Spatial, ...], StandardInertia]] = WeakKeyDictionary()
+"""{inertia: {elements of its body: the inertia over their basis}}."""
 
 
 def standard_inertia(body: Body, parameters: dict[str, Parameter]) -> StandardInertia:
     """The inertia of a body over its basis, found once; raises ModelError where a small basis cannot carry it."""
-    known, basis = _known.setdefault(body.own_inertia, {}), body.basis
-    if basis not in known:
-        known[basis] = _over_basis(body, basis, parameters)
-    return known[basis]
+    known, elements = _known.setdefault(body.own_inertia, {}), tuple(body.elements)
+    if elements not in known:
+        known[elements] = _over_basis(body, body.basis, parameters)
+    return known[elements]
 
 
 def take_standard(body: Body, standard: StandardInertia) -> None:
     """Let this be a body's inertia over its basis."""
-    _known.setdefault(body.own_inertia, {})[body.basis] = standard
+    _known.setdefault(body.own_inertia, {})[tuple(body.elements)] = standard
 
 
 def _over_basis(body: Body, basis: tuple[Spatial, ...], parameters: dict[str, Parameter]) -> StandardInertia:

@@ -119,7 +119,7 @@ FIRST_MOTION = """
 import sys, warnings, ncgen
 warnings.simplefilter("ignore")
 ncgen.simulate(ncgen.compile(ncgen.load(sys.argv[1]), "c"), 1e-3)
-print(*({"sympy", "http.client", "mujoco._structs"} & {*sys.modules}))
+print(*({"sympy", "http.client", "mujoco._structs", "jinja2", "ncgen.program.assemble"} & {*sys.modules}))
 """
 
 

@@ -432,3 +432,13 @@ def test_angles_that_are_no_quarter_turns_stay_as_they_are(write):
     turned = TWO.replace('<origin xyz="1 0 0"/>', '<origin xyz="1 0 0" rpy="1.5708 0 0"/>')
     rotation = next(joint for joint in read_robot(write(turned)).joints if joint.name == "two").placement.rotation
     assert rotation[2, 2] == pytest.approx(np.cos(1.5708), rel=1e-15)
+
+
+def test_a_refused_call_leaves_no_trace_in_a_model_that_was_loaded():
+    """While a file is read nothing is kept for that: a refusal then ends the reading."""
+    model = ncgen.load(HERE / "crane.urdf")
+    before = repr(model), len(model.facts), list(model.elements)
+    with pytest.raises(ModelError, match="lies|coincide|length"):
+        model.body("twice", [model.point("A", (0, 0, 0)), model.point("B", (0, 0, 0))], mass=1.0)
+    names = [name for name in model.elements if name not in before[2]]
+    assert names == ["A", "B"] and "twice" not in model.bodies and len(model.facts) == before[1] + 2

@@ -14,7 +14,7 @@ from ncgen.exchange.robots.layout import Hold, Layer, Layout, PlannedElement, Ro
 from ncgen.exchange.robots.parameters import GEOMETRY, Parts, Shift, add_part, homes_of, parts_of, shifted, shifts_of
 from ncgen.exchange.robots.passive import lift, series, spring_of_ball
 from ncgen.exchange.robots.placement import rotation_about
-from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
+from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Robot, changes_nothing, together
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import across, dot, product
@@ -62,6 +62,7 @@ def model_of(
         _add_motors(builder, robot, {joint.name: joint for joint, _ in acting})
     if sensors:
         _add_sensors(builder, robot)
+    model.keeps_state = True
     return model
 
 
@@ -116,6 +117,7 @@ class _Builder:
         self.robot, self.floating = together(robot), floating
         self.model = Model(word(robot.name, "robot"))
         self.model.has_separate_numbers = True
+        self.model.keeps_state = False  # nobody has the model if a call is refused
         self.parts: Mapping[str, Parts] = parts_of(robot, floating, as_parameters) if as_parameters else {}
         self.shifts: Mapping[str, Shift] = shifts_of(self.model, robot, as_parameters) if as_parameters else {}
         self.layout: Layout = Layer(self.robot, floating, bool(self.shifts)).layout()
@@ -181,7 +183,7 @@ class _Builder:
         taken = {self.model.ground.name, *self.model.bodies}
         name = numbered(word(solid.name, "link"), taken.__contains__)
         tensor, as_given = _tensor(mass, self.layout.size).tolist() if mass else [], self._as_given(solid.name)
-        with _labelled_errors(link.where, remedy(link)):
+        with _labelled_errors(link.where, link):
             basis, shift = None, self.shifts.get(solid.name)
             if shift is not None:  # vectors span it: they stay numbers
                 body = self.bodies[solid] = self.model.body(name, points[:1], vectors)
@@ -351,12 +353,13 @@ class _Builder:
 
 
 @contextmanager
-def _labelled_errors(where: str, remedy: str = "") -> Iterator[None]:
-    """Report refusals of the model with the place in the robot's file, and what else can be done."""
+def _labelled_errors(where: str, link: Link | None = None) -> Iterator[None]:
+    """Report refusals of the model with the place in the robot's file, and what else can be done for a link's inertia."""
     try:
         yield
     except ModelError as error:
-        raise ModelError(f"{where}: {error}{remedy}" if where else f"{error}{remedy}") from None
+        message = f"{error}{remedy(link) if link else ''}"
+        raise ModelError(f"{where}: {message}" if where else message) from None
 
 
 def _tensor(mass: Mass, size: float) -> np.ndarray:
