@@ -81,7 +81,7 @@ def weights(base: np.ndarray | Sequence[ArrayLike], target: ArrayLike) -> list[f
 
 
 def _floats(a: ArrayLike) -> list[Any]:
-    if a.__class__ is np.ndarray and a.dtype is DOUBLE:  # as most are
+    if isinstance(a, np.ndarray) and a.dtype is DOUBLE:  # as most are
         return a.tolist()
     return np.asarray(a, dtype=float).tolist()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -95,7 +95,7 @@ class Contents:
     left_out: tuple[str, ...]
     assembled: tuple[tuple[str, float, str], ...]
     closing: Callable[..., Any] | None
-    starts: dict[str, dict[str, Any]]
+    starts: Mapping[str, dict[str, Any]]
     has_separate_numbers: bool
     frames: dict[str, BodyFrame]
     limits: dict[str, tuple[float, float]]

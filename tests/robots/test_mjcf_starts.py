@@ -1,5 +1,6 @@
 """Reference values of joints, and keyframes as named starts, beside MuJoCo."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import ModelError
+from ncgen.exchange.robots import starts
 
 pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo: pip install 'ncgen[robots]'")
 
@@ -77,6 +79,17 @@ def test_keyframes_are_starts(free, number, name):
     np.testing.assert_allclose([start["q0"][each] for each in names], q, rtol=0, atol=1e-14)
     np.testing.assert_allclose([start.get("qd0", {}).get(each, 0.0) for each in names], qd, rtol=0, atol=1e-14)
     assert start.get("t0") == (2.0 if number else None) and ("qd0" in start) == bool(number)
+
+
+def test_starts_are_found_when_they_are_asked_for(tmp_path, monkeypatch):
+    """Once, with all that the file had; a model that went to another process has them, too."""
+    found = []
+    original = starts.named_start
+    monkeypatch.setattr(starts, "named_start", lambda *arguments: found.append(1) or original(*arguments))
+    model = ncgen.load(written(tmp_path / "free.xml", FREE))
+    assert list(model.starts) == ["home", "key1"] and len(model.starts) == 2 and not found
+    assert model.starts["home"] is model.starts["home"] and len(found) == 1
+    assert pickle.loads(pickle.dumps(model)).starts == dict(model.starts) and len(found) == 2
 
 
 def test_a_run_begins_at_a_keyframe(free):

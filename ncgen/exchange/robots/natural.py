@@ -76,7 +76,7 @@ def _add_motors(builder: _Builder, robot: Robot, joints: Mapping[str, Joint]) ->
     for words, count in ((MOTORS, len(inputs)), (EFFORTS, bounded), (AWAY_FROM_ZERO, len(away_from_zero(robot, joints)))):
         model.left_out = left(model.left_out, words, count)
     for name, start in robot.starts.items():
-        model.starts[name] |= {"inputs": {inputs[each]: value for each, value in start.inputs.items() if each in inputs}}
+        model.starts[name]["inputs"] = {inputs[each]: value for each, value in start.inputs.items() if each in inputs}
 
 
 def _add_sensors(builder: _Builder, robot: Robot) -> None:
@@ -153,12 +153,10 @@ class _Builder:
 
     def _start(self) -> None:
         """Named starts."""
-        from ncgen.exchange.robots.starts import named_start, positions_in_links
+        from ncgen.exchange.robots.starts import NamedStarts
 
-        frames = self.layout.frames
-        positions = positions_in_links({solid.name: self.bodies[solid].elements for solid in self.layout.solids.values()}, frames)
-        for name, start in self.robot.starts.items():
-            self.model.starts[name] = named_start(start, self.robot, frames, positions, self.coordinates)
+        members = {solid.name: self.bodies[solid].elements for solid in self.layout.solids.values()}
+        self.model.starts = NamedStarts(self.robot, self.layout.frames, members, self.coordinates)
 
     def _elements(self) -> None:
         fixed = set(self.layout.ground.planned)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,45 @@ class _Moving:
     frame: Placement
     velocity: np.ndarray
     turning: np.ndarray
+
+
+class NamedStarts(Mapping[str, dict[str, Any]]):
+    """Arguments of `ncgen.simulate` for the states of a file, by name, each found when it is asked for: most runs begin elsewhere.
+
+    robot: without fixed joints; frames: of its links where the model begins; members: elements by links; coordinates: by joint
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frames: Mapping[str, Placement],
+        members: Mapping[str, Iterable[Spatial]],
+        coordinates: Mapping[str, Relative],
+    ) -> None:
+        self._robot, self._frames, self._members, self._coordinates = robot, frames, members, coordinates
+        self._known: dict[str, dict[str, Any]] = {}
+
+    def __getitem__(self, name: str) -> dict[str, Any]:
+        if name not in self._known:
+            self._known[name] = named_start(self._robot.starts[name], self._robot, self._frames, self._positions, self._coordinates)
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._robot.starts)
+
+    def __len__(self) -> int:
+        return len(self._robot.starts)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
+
+    def __reduce__(self) -> tuple[type, tuple[dict[str, dict[str, Any]]]]:
+        """What copies and pickles have: a dictionary."""
+        return dict, (dict(self),)
+
+    @cached_property
+    def _positions(self) -> dict[Spatial, tuple[str, np.ndarray]]:
+        return positions_in_links(self._members, self._frames)
 
 
 def positions_in_links(members: Mapping[str, Iterable[Spatial]], frames: Mapping[str, Placement]) -> dict[Spatial, tuple[str, np.ndarray]]:
