@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -217,25 +218,23 @@ class RunUnderWay:
 
     def _in_c(self, form: Form) -> str | None:
         """Why C did not come to the end, or None."""
-        motion, kernels, task, dense = self.motion, self.kernels, self._task(), "dense" if form == "tree" else form
-
-        def engine(path: Path, moved: Kernels, task: Task) -> str | None:
-            if task.method.is_constrained:
-                is_own = moved is kernels or form == "dense"
-                moved_form = self._form_now(form) if is_own else acceleration_forms.form_of(moved, task.method)
-                return compiled.run_constrained(path, moved, task, moved_form)
-            return compiled.run(path, kernels, task, dense)
-
-        def whole(path: Path, kernels: Kernels, task: Task) -> str | None:
-            if not len(motion.jumps):
-                return engine(path, kernels, task)
+        kernels, task, jumps = self.kernels, self._task(), self.motion.jumps
+        engine = whole = partial(self._part_in_c, form)
+        if len(jumps):
             from ncgen.solver.engines.segments import in_segments
 
-            return in_segments(engine, path, kernels, task, motion.jumps)
-
+            whole = partial(in_segments, engine, ends=jumps)
         if self.has_events:
             return self._through_events(whole, kernels, task, may_change=form != "dense")
         return whole(self.path, kernels, task)
+
+    def _part_in_c(self, form: Form, path: Path, kernels: Kernels, task: Task) -> str | None:
+        """Complete a path in C, as an engine; form: of the accelerations of the run's own kernels."""
+        if not task.method.is_constrained:
+            return compiled.run(path, self.kernels, task, "dense" if form == "tree" else form)
+        is_own = kernels is self.kernels or form == "dense"
+        form = self._form_now(form) if is_own else acceleration_forms.form_of(kernels, task.method)
+        return compiled.run_constrained(path, kernels, task, form)
 
     def _in_python(self) -> None:
         from ncgen.solver.engines import reference, segments

@@ -49,8 +49,10 @@ class Path:
 
     @classmethod
     def empty(cls, n: int, partitions: Partitions | None) -> Path:
-        none = _no_rows(n)
-        return cls(q=none, qd=none, work=_NO_WORK, counts=[0] * 5, partitions=partitions)
+        """A path that begins; its defaults stay those of the class, as setting each of them takes as long as a short run's steps."""
+        path, none = cls.__new__(cls), _no_rows(n)
+        path.q, path.qd, path.work, path.counts, path.partitions, path.impulses = none, none, _NO_WORK, [0] * 5, partitions, []
+        return path
 
     @property
     def evaluations(self) -> int:
