@@ -201,8 +201,8 @@ class KernelData(ABC):
 
         A row given as an expression has the size of what it changes by when the coordinates move by their own sizes.
         """
-        parameters = self.model.parameters
-        sizes = [natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label)) for row in self.rows]
+        parameters, extent = self.model.parameters, self.length
+        sizes = [natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label), extent) for row in self.rows]
         changes = self._row_changes() if None in sizes else sizes
         return constant(np.array([change if size is None else size for size, change in zip(sizes, changes, strict=True)]))
 

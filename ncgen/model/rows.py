@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.model import measures
+from ncgen.model import arithmetic, measures
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
 from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, Spatial, as_combination
 from ncgen.model.expressions import is_symbolic
@@ -23,6 +23,12 @@ from ncgen.model.values import Parameter, Scalar, Value, is_number, text_of
 
 SIX_DIGITS = 1e-5
 """How far from 1 the length of a unit vector may be that was typed with six digits."""
+
+ALONG_SEGMENTS = ("dot", "slide", "affine-x", "affine-y", "affine-z")
+"""Types of rows whose datum L is the natural length of a segment, `e` or `a`."""
+
+GREAT_DIFFERENCE = 100.0
+"""Ratio of two natural sizes of a row below which either will do."""
 
 
 @dataclass(frozen=True)
@@ -91,17 +97,30 @@ class Row:
         return argument
 
 
-def natural_size(row: Row, number: Callable[[Value], float]) -> float | None:
+def natural_size(row: Row, number: Callable[[Value], float], extent: float) -> float | None:
     """The size of a row's value where it is grossly violated: what a residual is compared with.
 
-    `number` turns a value into a float. For a scaled distance row this is L/2 (m), for all other rows of the catalogue that are scaled 1;
-    None where only the row's gradient can tell, as of one given as an expression.
+    `number` turns a value into a float; extent: of the whole model (m). For a scaled distance row this is L/2 (m), for other scaled rows of
+    the catalogue 1; None where only the row's gradient can tell, as of one given as an expression.
     """
     if row.type is None or row.type.size is None:
         return None
     size = math.prod(number(row.data[name]) for name in row.type.size)
     scale = row.type.scale_factor / math.prod(number(row.data[name]) for name in row.type.scale_data) if row.scaled else 1.0
-    return size * scale
+    return size * scale * _later_over_earlier(row, number, extent)
+
+
+def _later_over_earlier(row: Row, number: Callable[[Value], float], extent: float) -> float:
+    """The extent of the model over the one it had when a row was made along a segment that is too short to be divided by, as one point has
+    none. 1 where that makes no great difference, and for all other rows."""
+    along = row.arguments.get("e", row.arguments.get("a"))
+    if row.type is None or row.type.key not in ALONG_SEGMENTS or not isinstance(along, Combination) or measures.shape(along) != "segment":
+        return 1.0
+    earlier = number(row.data["L"])
+    if abs(earlier - arithmetic.norm(along.initial)) <= SIX_DIGITS * earlier:
+        return 1.0
+    ratio = measures.natural_length(along, extent) / earlier
+    return 1.0 if 1.0 / GREAT_DIFFERENCE < ratio < GREAT_DIFFERENCE else ratio
 
 
 def describe(equation: str, values: Mapping[str, Combination | Value | Component]) -> str:

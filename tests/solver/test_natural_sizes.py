@@ -99,3 +99,32 @@ def test_far_from_the_origin_a_mechanism_has_no_masses_that_are_rounding(monkeyp
     for engine in ("auto", "c"):
         far = ncgen.simulate(kernels, 0.5, engine=engine)
         assert far["theta2"][-1] == pytest.approx(near["theta2"][-1], abs=1e-7 + 1e-12 * away)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-7, 1.0, 1e6])
+def test_a_row_of_a_model_that_was_one_point_has_the_size_of_all_of_it(size):
+    """A ball that slides on a slope through its own centre, told before all else: g − (g·n) n. Its row was as large as 1 m, next to which a
+    tenth of a micrometre was nothing, so that it fell through the slope."""
+    m = Model("slope")
+    A, B = m.point("A", (0, 0, 0), fixed=True), m.point("B", (0, 0, 0))
+    n = m.vector("n", (0.6, 0.0, 0.8), fixed=True)
+    m.point_in_plane(m.ground, B, A, n)
+    C = m.point("C", (size, 0.3 * size, 0.2 * size))
+    m.body("ball", points=[B], mass=1.0)
+    m.body("free", points=[C], mass=1.0)
+    m.gravity((0, 0, -9.81 * size))
+    run = ncgen.simulate(ncgen.compile(m, "numpy"), 1e-3, points=2)
+    expected = np.array([9.81 * 0.8 * 0.6, 0, -9.81 * 0.6 * 0.6, 0, 0, -9.81])
+    assert run.qdd[0] / size == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-7, 1.0, 1e6])
+def test_what_is_welded_to_the_ground_rests(size):
+    """A body of one point is all of its model, and there is nothing but its inertia to measure lengths with."""
+    m = Model("welded")
+    A, u, v = m.point("A", (1.2 * size, 0.4 * size, 0.0)), m.vector("u", (1, 0, 0)), m.vector("v", (0, 0.6, 0.8))
+    body = m.body("b", points=[A], vectors=[u, v], mass=7.0, inertia=size**2 * np.diag([3.9, 2.6, 5.7]))
+    m.rigid(m.ground, body)
+    m.gravity((0, -9.81 * size, 0))
+    run = ncgen.simulate(ncgen.compile(m, "numpy"), 0.05, points=2)
+    assert np.max(np.abs(run.qdd)) <= 1e-12 * 9.81 * size
