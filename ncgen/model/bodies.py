@@ -16,6 +16,7 @@ import numpy as np
 from ncgen.errors import ModelError, counted, shown
 from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
+from ncgen.model.singular_values import singular_values
 from ncgen.model.value_conditions import Bound, Condition, Moments
 from ncgen.model.values import (
     Parameter,
@@ -301,7 +302,7 @@ def choose_basis(body: Body) -> tuple[Spatial, ...]:
                 continue
             direction = element.initial - (body.points[0].initial if isinstance(element, Point) else 0.0)
             trial = directions + [direction / max(np.linalg.norm(direction), 1e-300)]
-            if np.linalg.svd(np.array(trial), compute_uv=False)[-1] > least:
+            if singular_values(np.array(trial))[-1] > least:
                 chosen.append(element)
                 directions = trial
     return tuple([e for e in chosen if isinstance(e, Point)] + [e for e in chosen if isinstance(e, Vector)])
@@ -320,7 +321,7 @@ def check_basis(name: str, basis: tuple[Spatial, ...]) -> None:
     if not directions:
         return
     unit = [d / (np.linalg.norm(d) or 1.0) for d in directions]
-    smallest = np.linalg.svd(np.array(unit), compute_uv=False)[-1]
+    smallest = singular_values(np.array(unit))[-1]
     if smallest < 1e-6:
         names = ", ".join(e.name for e in basis)
         raise ModelError(f"body {name}: the elements {names} are parallel or coplanar ({smallest:.1e}); choose other ones as basis")

@@ -17,6 +17,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Element, Point, Spatial
 from ncgen.model.rigid import NORMAL
+from ncgen.model.singular_values import singular_values
 from ncgen.solver.geometry import element, element_rate
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def _initial(direction: Direction) -> np.ndarray:
 
 def _volume(directions: list[np.ndarray]) -> float:
     unit = [d / max(np.linalg.norm(d), 1e-300) for d in directions]
-    return float(np.linalg.svd(np.array(unit), compute_uv=False)[-1])
+    return float(singular_values(np.array(unit))[-1])
 
 
 def _directions(basis: list[Direction], value: Evaluation) -> list[np.ndarray]:

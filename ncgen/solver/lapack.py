@@ -51,31 +51,3 @@ def dpotrf(matrix: np.ndarray) -> Found:
 def dpotrs(factor: np.ndarray, right: np.ndarray) -> Found:
     """(x, failed) of A x = right from that factor and right."""
     return _routines().dpotrs(factor, right)
-
-
-def svd(matrix: np.ndarray, full: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (U, singular values, Vᵀ); full: with all columns of U and V. Raises LinAlgError where a number is not finite.
-
-    NumPy's method, divide and conquer, fails for some regular matrices; those take QR iterations.
-    """
-    try:
-        return np.linalg.svd(matrix, full_matrices=full)
-    except np.linalg.LinAlgError:
-        if not np.all(np.isfinite(matrix)):
-            raise
-        return scipy.linalg.svd(matrix, full_matrices=full, lapack_driver="gesvd")
-
-
-def singular_values(matrix: np.ndarray) -> np.ndarray:
-    """Return the singular values alone, the largest first."""
-    try:
-        return np.linalg.svd(matrix, compute_uv=False)
-    except np.linalg.LinAlgError:
-        return svd(matrix)[1]
-
-
-def pseudoinverse(matrix: np.ndarray, least: float) -> np.ndarray:
-    """Return A⁺; singular values up to `least` times the largest are zero."""
-    left, values, right = svd(matrix)
-    kept = values > least * np.max(values, initial=0.0)
-    return (right[kept].T / values[kept]) @ left[:, kept].T

@@ -13,6 +13,7 @@ from ncgen.emit.naming import Label, labels
 from ncgen.errors import ModelError
 from ncgen.exchange.export.package import Package, without_runtime
 from ncgen.model.elements import rate_name
+from ncgen.model.singular_values import least_squares
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.dynamics import accelerations, cheapest
 from ncgen.program.motions.state_functions import (
@@ -46,7 +47,7 @@ class CasadiState:
             self.names, self.rates = space.rates, tuple(map(rate_name, space.rates))
             self.s = space.values(package.q)
             moved = space.velocities(package.q, np.eye(space.n)).T
-            self.v = np.linalg.lstsq(moved, package.qd, rcond=None)[0]
+            self.v = least_squares(moved, package.qd)
             self.places = list(range(space.n))
             self.functions = open_functions(equations, space.followed, space.n)
         else:

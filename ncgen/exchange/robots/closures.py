@@ -18,6 +18,7 @@ from ncgen.errors import ModelError
 from ncgen.exchange.robots.joint_values import TURNS, added, motion, moved, rotation_vector, screws
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot, refused
+from ncgen.model.singular_values import svd
 
 GAP_ROUNDING = 1e-12
 """Gaps below this, over the robot's size or in rad, are rounding."""
@@ -212,7 +213,7 @@ class _Assembly:
         for _ in range(STEPS):
             if np.max(np.abs(residual), initial=0.0) < GAP_ROUNDING or damping > 1e6 or is_flat:
                 break
-            left, singular, right = np.linalg.svd(self._jacobian(frames), full_matrices=False)
+            left, singular, right = svd(self._jacobian(frames))
             while damping <= 1e6:
                 scaled = singular / (singular**2 + damping * max(singular.max(initial=0.0), 1e-30) ** 2)
                 step = -right.T @ (scaled * (left.T @ residual))

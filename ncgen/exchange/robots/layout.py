@@ -17,6 +17,7 @@ from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot, changes_nothing, refused
 from ncgen.model.arithmetic import cross, dot, norm, product, unit
 from ncgen.model.measures import MIN_RELATIVE_LENGTH
+from ncgen.model.singular_values import singular_values
 
 POINT_TOLERANCE = 1e-9
 """Points nearer than this, over the robot's size, are one."""
@@ -263,7 +264,7 @@ class Layer:
         if not solid.points:
             solid.take(PlannedElement(f"r_{solid.name}", heart, True, solid.name))
         shortest = np.inf if self.apart else MIN_RELATIVE_LENGTH * self.size
-        while (rows := solid.directions(shortest)).shape[0] < 3 or np.linalg.svd(rows, compute_uv=False)[-1] < MIN_SINGULAR_VALUE:
+        while (rows := solid.directions(shortest)).shape[0] < 3 or singular_values(rows)[-1] < MIN_SINGULAR_VALUE:
             number = len(solid.vectors) + 1
             solid.take(PlannedElement(f"e{number}_{solid.name}", _missing(rows, self.frames[solid.name]), False))
 

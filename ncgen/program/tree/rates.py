@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.model.elements import Point, Relative, Spatial
+from ncgen.model.singular_values import rank_above, singular_values
 from ncgen.program.algebra.pivoting import column_order
 from ncgen.program.algebra.space import Vector
 from ncgen.program.ir.graph import ArrayElement
@@ -202,7 +203,7 @@ class Rates:
         """
         weights = dict.fromkeys(self.measured, RATHER_FREE) if weights is None else weights
         matrices = self._numbers(rows)
-        rank = max(int(np.linalg.matrix_rank(matrix, tol=10 * MIN_SINGULAR_VALUE)) for matrix in matrices) if rows else 0
+        rank = max(int(rank_above(matrix, 10 * MIN_SINGULAR_VALUE)) for matrix in matrices) if rows else 0
         scale = np.array([weights.get(k, 1.0) for k in range(self.count)])
         order = column_order(matrices[0] * scale)
         self.free = sorted(order[rank:].tolist())
@@ -215,10 +216,9 @@ class Rates:
         order = column_order(matrices[0][:, dependent].T)
         taken = sorted(order[: len(dependent)].tolist())
         for matrix in matrices:
-            values = np.linalg.svd(matrix[np.ix_(taken, dependent)], compute_uv=False)
+            values = singular_values(matrix[np.ix_(taken, dependent)])
             if len(dependent) and (
-                not values[-1] > MIN_SINGULAR_VALUE * values[0]
-                or np.linalg.matrix_rank(matrix, tol=10 * MIN_SINGULAR_VALUE) > len(dependent)
+                not values[-1] > MIN_SINGULAR_VALUE * values[0] or rank_above(matrix, 10 * MIN_SINGULAR_VALUE) > len(dependent)
             ):
                 raise NoRecursion("the tree does not move as the rows allow")
         return [rows[i] for i in taken]

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ncgen.model.singular_values import rank_above
 from ncgen.program.tree.couplings import RELATIVE_TOLERANCE
 from ncgen.program.tree.tree_velocities import TreeVelocities
 from ncgen.symbolic.numbering import Numbering
@@ -63,7 +64,7 @@ class _Moved:
         """How many of its joint's motions the elements show that stand with a link."""
         joint = self.tree.own[link]
         moved = [self.velocity[e, link][joint.start : joint.stop] for e in self._members(link) if homes[e] == link]
-        return int(np.linalg.matrix_rank(np.hstack(moved), tol=RELATIVE_TOLERANCE)) if moved else 0
+        return int(rank_above(np.hstack(moved), RELATIVE_TOLERANCE)) if moved else 0
 
     def _members(self, link: int) -> list[int]:
         """The elements of its body."""

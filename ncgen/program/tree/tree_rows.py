@@ -13,6 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from ncgen.model.singular_values import least_squares, rank_above
 from ncgen.program.algebra.inertia_matrix import least_inertia
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, Couplings, NoTables, couplings
@@ -215,7 +216,7 @@ class TreeRows(TreeVelocities):
             rows, _, (i, _, entry, c) = self._entries(link, with_copies)
             right = -sample.phi[rows] - np.bincount(i, values[entry] * step[c], minlength=len(rows))
             block = self.block(link, values, with_copies)
-            step[unknowns] = np.linalg.lstsq(block, right, rcond=RELATIVE_TOLERANCE)[0] * self.sizes[unknowns]
+            step[unknowns] = least_squares(block, right, RELATIVE_TOLERANCE) * self.sizes[unknowns]
         return step[: self.n]
 
     # -- checks --------------------------------------------------------------------------------
@@ -315,7 +316,7 @@ def ranks_of(matrices: Sequence[np.ndarray]) -> list[int]:
         alike[matrix.shape].append(k)
     for numbers in alike.values():
         together = np.array([matrices[k] for k in numbers])
-        computed = np.linalg.matrix_rank(together, tol=RELATIVE_TOLERANCE) if together.size else np.zeros(len(numbers), dtype=int)
+        computed = rank_above(together, RELATIVE_TOLERANCE) if together.size else np.zeros(len(numbers), dtype=int)
         for k, rank in zip(numbers, computed.tolist(), strict=True):
             ranks[k] = rank
     return ranks

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import scipy
 
+from ncgen.model.singular_values import least_squares, pseudoinverse
 from ncgen.model.values import Parameter
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, Couplings, NoTables, couplings, followed
@@ -126,7 +127,7 @@ class OpenTree(TreeRows):
                 sample = sample_at(q)
                 if not np.max(np.abs(sample.phi), initial=0.0) <= LARGEST_RESIDUAL:
                     break
-                joints = np.linalg.lstsq(self._over_joints(sample, self.leading), -sample.phi[self.leading], rcond=RELATIVE_TOLERANCE)[0]
+                joints = least_squares(self._over_joints(sample, self.leading), -sample.phi[self.leading], RELATIVE_TOLERANCE)
                 q = q + self.velocities(q, self._rates(joints))[: self.n]
         raise NoTables("bodies do not close one after the other")
 
@@ -207,7 +208,7 @@ class OpenTree(TreeRows):
             return self._random()
         jacobian = self._over_joints(sample, self.closing)
         free = np.random.default_rng(4).uniform(0.5, 1.5, (RANDOM, self.freedoms))
-        return self._rates(free - free @ np.linalg.pinv(jacobian, rcond=RELATIVE_TOLERANCE) @ jacobian)
+        return self._rates(free - free @ pseudoinverse(jacobian, RELATIVE_TOLERANCE) @ jacobian)
 
     def _has_closed_loops(self, sample: SampledPosition) -> bool:
         return bool(np.max(np.abs(sample.phi[self.closing]), initial=0.0) <= POSITION_RESIDUAL)
@@ -223,7 +224,7 @@ class OpenTree(TreeRows):
         diagonal = np.abs(np.diag(triangle))
         chosen = sorted(order[: np.sum(diagonal > LOOP_TOLERANCE * diagonal[0])])
         for jacobian in jacobians:
-            rest = jacobian - jacobian @ np.linalg.pinv(jacobian[chosen], rcond=RELATIVE_TOLERANCE) @ jacobian[chosen]
+            rest = jacobian - jacobian @ pseudoinverse(jacobian[chosen], RELATIVE_TOLERANCE) @ jacobian[chosen]
             if np.max(np.abs(rest)) > LOOP_TOLERANCE * np.max(np.abs(jacobian)):
                 return self.closing
         return [self.closing[k] for k in chosen]

@@ -14,6 +14,7 @@ import numpy as np
 
 from ncgen.mechanism.impacts_in_c import LAWS, Blow, impact
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.singular_values import least_squares
 from ncgen.model.values import Value, is_number
 from ncgen.solver.derivatives.event_equations import along, impulses_to, no_derivative, reactions, solved
 from ncgen.solver.events.condition_jacobians import EventTangents
@@ -94,7 +95,7 @@ class ImpactJacobians:
             balance, constraints, before_by, after_by = (along(each, time, change) for each in jacobians)
             x, _ = solved(mode, at, nothing, -balance, -constraints)
             matrix, right = _laws(rows, pushed, total, before_by[positions], after_by[positions] + W @ x, (mode, at.t))
-            pushed = _Pushed(total, np.linalg.lstsq(matrix, right, rcond=None)[0])
+            pushed = _Pushed(total, least_squares(matrix, right))
             by_velocity = x + responses @ pushed.by
         return by_velocity
 

@@ -17,6 +17,7 @@ from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.sliding_in_c import SlidingContact
+from ncgen.model.singular_values import pseudoinverse
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.modes import LoadConditions, forces_of, load_conditions, sliding_of
@@ -268,7 +269,7 @@ class HeldChoice:
             return at
         slopes, values = functions.slopes(at)[0][gaps], functions.values(at)[0][gaps]
         change = response(self.owner.kernels, at, slopes)
-        return replace(at, q=at.q + change @ np.linalg.pinv(slopes @ change, rcond=1e-12) @ -values)
+        return replace(at, q=at.q + change @ pseudoinverse(slopes @ change, 1e-12) @ -values)
 
     def _slipping(self) -> np.ndarray:
         """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""

@@ -19,6 +19,7 @@ from ncgen.errors import ModelError, SingularError, shown
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.own_formalism import OwnFormalism
 from ncgen.methods.table import FORMALISMS, Formalism
+from ncgen.model.singular_values import least_squares
 from ncgen.solver.formalisms.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.instant import Baumgarte, InstantMatrices, instant
 
@@ -88,4 +89,4 @@ def solved_by(formalism: OwnFormalism, now: InstantMatrices) -> tuple[np.ndarray
         raise ModelError(f"{where}: accelerations returned {shown(returned)}; return {len(now.force)} numbers, one a coordinate")
     if not np.all(np.isfinite(x)):
         raise SingularError(f"{now.kernels.name}: {where} returned accelerations that are not finite")
-    return x, np.linalg.lstsq(now.jacobian.T, now.force - now.mass @ x, rcond=None)[0]
+    return x, least_squares(now.jacobian.T, now.force - now.mass @ x)

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ncgen.model.singular_values import pseudoinverse, svd
 from ncgen.solver.formalisms.instant import InstantMatrices
 from ncgen.solver.formalisms.kkt import undetermined
-from ncgen.solver.lapack import pseudoinverse, svd
 from ncgen.solver.positions.rank import RELATIVE_ZERO
 
 MIN_SINGULAR_VALUE = 1e-12

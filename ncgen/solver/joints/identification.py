@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ncgen.model.singular_values import least_squares
 from ncgen.program.initial import assemble_values
 from ncgen.program.ir.evaluate import evaluate_rows
 from ncgen.program.tree.regressor import ENTRIES, NAMES, RegressorFrame, frames_of
@@ -114,7 +115,7 @@ def base_parameters(space: JointDynamics, tolerance: float = DEPENDENT, seed: in
         if left[k] > tolerance:
             kept.append(k)
             across = np.column_stack([across, rest / np.linalg.norm(rest)])
-    combinations = np.linalg.lstsq(Y[:, kept], Y, rcond=None)[0]
+    combinations = least_squares(Y[:, kept], Y)
     combinations[np.abs(combinations) < tolerance] = 0.0
     out = np.delete(left, kept)
     return BaseParameters(names, tuple(kept), combinations, float(np.min(left[kept]) / max(np.max(out, initial=0.0), 1e-300)))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from ncgen.errors import ConvergenceError, ModelError, warn
+from ncgen.model.singular_values import svd
 from ncgen.model.values import MAX_NUMBER
 from ncgen.solver import argument_checks
 from ncgen.solver.argument_checks import array_of, rotation_of
@@ -198,7 +199,7 @@ class _Search:
             free = ~((x <= self.low) & (uphill > 0) | (x >= self.high) & (uphill < 0))
             if np.max(np.abs(left)) <= ROUNDING or not np.any(free):
                 break
-            across, sizes, along = np.linalg.svd(derivative[:, free], full_matrices=False)
+            across, sizes, along = svd(derivative[:, free])
             downhill, most = across.T @ left, float(np.max(sizes, initial=0.0))
             while damping <= 1e6:
                 step = np.zeros_like(x)

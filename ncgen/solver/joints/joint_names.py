@@ -10,6 +10,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import AXES, Point, Relative, Spatial
 from ncgen.model.pairs import Screw
+from ncgen.model.singular_values import least_squares
 from ncgen.symbolic.tree import Tree, moving
 
 COEFFICIENT_TOLERANCE = 1e-9
@@ -33,7 +34,7 @@ def followed_by(kernels: Kernels, tree: Tree) -> dict[int, tuple[int, float]]:
     columns = sorted(relative)
     # Rows over relative coordinates and rates: each relative coordinate has one row of its own, the others must vanish.
     over_rates, over_own = jacobian @ moved, jacobian[:, columns]
-    shares = -np.linalg.lstsq(over_own, over_rates, rcond=None)[0] if columns else np.zeros((0, moved.shape[1]))
+    shares = -least_squares(over_own, over_rates) if columns else np.zeros((0, moved.shape[1]))
     left = np.abs(over_rates + over_own @ shares) / kernels.row_sizes[:, None]
     if left.size and left.max() > ROW_TOLERANCE:
         row = kernels.rows[int(np.argmax(left.max(axis=1)))]

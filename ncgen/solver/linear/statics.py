@@ -8,6 +8,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, counted, one_of
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.singular_values import least_squares
 from ncgen.solver import argument_checks
 from ncgen.solver.argument_checks import ArrayOrNamed, refuse_sticking
 from ncgen.solver.finite import watched
@@ -127,7 +128,7 @@ def _balance(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[
     rest, sizes = np.zeros(kernels.n), kernels.column_sizes
     jacobian = scaled_jacobian(kernels, q, t, p)
     force = sizes * kernels.force(q, rest, t, p)
-    push = np.linalg.lstsq(jacobian.T, force, rcond=1e-9)[0]
+    push = least_squares(jacobian.T, force, 1e-9)
     lam = push / kernels.row_sizes
     basis = null_space(jacobian)
     pull = basis.T @ force
@@ -140,6 +141,6 @@ def _step(pull: np.ndarray, stiffness: np.ndarray, values: np.ndarray, vectors: 
     if not len(pull):
         return pull
     if kind == "nearest":
-        return np.linalg.lstsq(stiffness, pull, rcond=NEUTRAL)[0]
+        return least_squares(stiffness, pull, NEUTRAL)
     floor = max(NEUTRAL * np.max(np.abs(values)), NEUTRAL * np.max(np.abs(pull)), 1e-300)  # what it lets pass is cut to LONGEST_STEP
     return vectors @ ((vectors.T @ pull) / np.maximum(np.abs(values), floor))

@@ -18,6 +18,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Element, Point, Relative, Vector
+from ncgen.model.singular_values import least_squares, svd
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import acceleration_changes, independent_motions, rate_slope
@@ -123,7 +124,7 @@ class _Search:
             norms = np.linalg.norm(field_values[:, columns], axis=0)
             norms[norms == 0.0] = 1.0
             basis = _null_space(kept[:, columns] / norms) / norms[:, None]
-            weights = basis @ np.linalg.lstsq(field_values[:, columns] @ basis, wanted, rcond=NULL_TOLERANCE)[0]
+            weights = basis @ least_squares(field_values[:, columns] @ basis, wanted, NULL_TOLERANCE)
             if np.max(np.abs(field_values[:, columns] @ weights - wanted)) <= SYMMETRY_TOLERANCE:
                 result = np.zeros(len(self.fields))
                 result[allowed] = weights[:-1]
@@ -228,7 +229,7 @@ def _arms(field: Shift | Turn, at: np.ndarray, change: np.ndarray) -> np.ndarray
 
 def _null_space(matrix: np.ndarray) -> np.ndarray:
     """An orthonormal basis of what a matrix takes to zero, columns."""
-    _, values, right = np.linalg.svd(matrix, full_matrices=True)
+    _, values, right = svd(matrix, full=True)
     rank = int(np.sum(values > NULL_TOLERANCE * max(values[0], 1.0))) if len(values) else 0
     return right[rank:].T
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.model.elements import Angle, Combination, Length, Point, Spatial
+from ncgen.model.singular_values import least_squares
 from ncgen.solver import geometry
 from ncgen.solver.loads.between import body_of
 from ncgen.solver.positions.rank import null_space, scaled_jacobian
@@ -247,4 +248,4 @@ def _velocities(run: Trajectory, body: str, position: np.ndarray, motions: np.nd
         arm, moves = (at - position, np.eye(3)) if isinstance(e, Point) else (at, np.zeros((3, 3)))
         twists.append(np.hstack([moves, -np.cross(np.eye(3), arm)]))
         rates.append(geometry.element_rate(run.kernels, e, motions.T).T)
-    return np.linalg.lstsq(np.vstack(twists), np.vstack(rates), rcond=None)[0][:3]
+    return least_squares(np.vstack(twists), np.vstack(rates))[:3]

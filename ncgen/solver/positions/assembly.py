@@ -13,6 +13,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.singular_values import least_squares
 from ncgen.solver import argument_checks
 from ncgen.solver.argument_checks import ArrayOrNamed
 from ncgen.solver.finite import is_finite, watched
@@ -109,7 +110,7 @@ def _damped_step(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, sizes
         return least_damped(scaled(kernels.phi_q(q, t, p)[rows], 1 / kernels.row_sizes[rows], sizes), -value, damping)
     jacobian = kernels.jacobian(q, t, p)[rows] * sizes / kernels.row_sizes[rows, None]
     stacked = np.vstack([jacobian, np.sqrt(damping) * np.eye(jacobian.shape[1])])
-    return np.linalg.lstsq(stacked, np.concatenate([-value, np.zeros(jacobian.shape[1])]), rcond=None)[0]
+    return least_squares(stacked, np.concatenate([-value, np.zeros(jacobian.shape[1])]))
 
 
 def _open_rows(kernels: Kernels, value: np.ndarray, tolerance: float) -> str:

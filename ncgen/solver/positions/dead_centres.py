@@ -8,6 +8,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.singular_values import singular_values
 
 RESOLUTION = 1e-10
 """Fraction of a way to which the place where it ends is found."""
@@ -42,6 +43,7 @@ def is_dead_centre(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, fre
     """
     rows = kernels.holonomic
     whole = kernels.jacobian(q, t, p)[rows] / kernels.row_sizes[rows, None] * kernels.column_sizes
-    count = min(int(np.linalg.matrix_rank(whole, rtol=1e-9)), len(free))
-    values = np.linalg.svd(whole[:, free], compute_uv=False)
+    every = singular_values(whole)
+    count = min(int(np.sum(every > 1e-9 * np.max(every, initial=0.0))), len(free))
+    values = singular_values(whole[:, free])
     return count > 0 and bool(values[count - 1] < MIN_SINGULAR_RATIO * values[0])

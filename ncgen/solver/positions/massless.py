@@ -7,6 +7,7 @@ import numpy as np
 from ncgen.errors import SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.bodies import LARGEST_BASIS, Body
+from ncgen.model.singular_values import svd
 from ncgen.solver.positions.negative_mass import principal_motions, refuse_negative
 
 NULL_TOLERANCE = 1e-9
@@ -27,7 +28,7 @@ MAX_NAMED_THINGS = 4
 
 def massless(kernels: Kernels, resistance: np.ndarray, basis: np.ndarray | None = None) -> SingularError:
     """The error for a matrix (k, n) that no motion without inertia resists, or (k, z) on motions `basis` (n, z); without units."""
-    _, values, right = np.linalg.svd(resistance, full_matrices=True)
+    _, values, right = svd(resistance, full=True)
     count = right.shape[0] - int(np.sum(values > NULL_TOLERANCE * np.max(values, initial=0.0)))
     motions = right[-max(count, 1) :].T
     # What the rows of an orthonormal basis measure does not depend on the basis.

@@ -7,6 +7,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, DomainError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.bodies import Body
+from ncgen.model.singular_values import pseudoinverse
 from ncgen.solver import geometry
 from ncgen.solver.positions.position import solve_position
 from ncgen.solver.positions.rank import null_space, scaled_jacobian
@@ -99,6 +100,6 @@ def _kinetic_energy(kernels: Kernels, body: Body, qd: np.ndarray, p: np.ndarray)
     ]
     if not before:
         return 0.5 * mass * float(start @ start)
-    turning = np.array(rates).T @ np.linalg.pinv(np.array(before).T)
+    turning = np.array(rates).T @ pseudoinverse(np.array(before).T, 1e-15)
     velocity = start + turning @ (com - first.initial)
     return 0.5 * float(mass * velocity @ velocity + np.trace(turning @ (np.trace(tensor) / 2 * np.eye(3) - tensor) @ turning.T))

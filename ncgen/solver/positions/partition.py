@@ -14,8 +14,9 @@ import numpy as np
 
 from ncgen.errors import ModelError, SingularError, counted
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.singular_values import singular_values
 from ncgen.program.algebra.pivoting import column_order
-from ncgen.solver.lapack import dgetrf, dgetrs, singular_values
+from ncgen.solver.lapack import dgetrf, dgetrs
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.rank import Freedom, best_rows, freedom, scaled_jacobian
 from ncgen.solver.positions.sparse_rows import DENSE

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, DeadCentreError, ModelError, counted
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.singular_values import least_squares
 from ncgen.solver import argument_checks
 from ncgen.solver.argument_checks import ArrayOrNamed
 from ncgen.solver.finite import check_instant, is_finite, watched
@@ -132,7 +133,7 @@ def _least_step(
         jacobian = kernels.phi_q(q, t, p)[rows][:, free]
         if (step := least_step(scaled(jacobian, 1 / sizes, np.ones(len(free))), right)) is not None:
             return step
-    return np.linalg.lstsq(kernels.jacobian(q, t, p)[np.ix_(rows, free)] / sizes[:, None], right, rcond=1e-10)[0]
+    return least_squares(kernels.jacobian(q, t, p)[np.ix_(rows, free)] / sizes[:, None], right, 1e-10)
 
 
 def _damped(

@@ -14,9 +14,9 @@ import scipy
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.singular_values import least_squares, singular_values, svd
 from ncgen.solver import argument_checks
 from ncgen.solver.argument_checks import ArrayOrNamed
-from ncgen.solver.lapack import singular_values, svd
 from ncgen.solver.positions.described_position import found_in_described, is_described
 from ncgen.solver.positions.open_tree import known_tree, open_tree, sampled
 from ncgen.solver.positions.position import TOLERANCE, check_finite, solve_position
@@ -307,7 +307,7 @@ def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:
 
 def _implications(jacobian: np.ndarray, dependent: list[int], kept: list[int], scale: np.ndarray) -> tuple[Redundancy, ...]:
     """The combinations of kept rows that dependent rows are."""
-    solutions = np.linalg.lstsq(jacobian[kept].T, jacobian[dependent].T, rcond=None)[0].T if dependent else []
+    solutions = least_squares(jacobian[kept].T, jacobian[dependent].T).T if dependent else []
     return tuple(
         Redundancy(row, {k: float(c * scale[row] / scale[k]) for k, c in zip(kept, solution, strict=True) if abs(c) > MIN_COEFFICIENT})
         for row, solution in zip(dependent, solutions, strict=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ncgen.model.singular_values import least_squares, singular_values, svd
 from ncgen.program.algebra.pivoting import column_order
 
 MIN_SINGULAR_FRACTION = 1e-4
@@ -20,7 +21,7 @@ def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
 
 def counting_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
     """All rows but those in which the combinations that vanish are largest, as ncgen_redundant.c chooses them in C."""
-    left, _, _ = np.linalg.svd(jacobian)
+    left, _, _ = svd(jacobian, full=True)
     return np.sort(column_order(left[:, rank:].T)[len(jacobian) - rank :])
 
 
@@ -28,7 +29,7 @@ def largest_share(jacobian: np.ndarray, rows: np.ndarray) -> float:
     """The largest share, at least 1, of rows that count in the sum of all others, these with signs in turn."""
     others = np.delete(jacobian, rows, axis=0)
     signs = (-1.0) ** np.arange(len(others))
-    return max(1.0, float(np.max(np.abs(np.linalg.lstsq(jacobian[rows].T, signs @ others, rcond=None)[0]), initial=0.0)))
+    return max(1.0, float(np.max(np.abs(least_squares(jacobian[rows].T, signs @ others)), initial=0.0)))
 
 
 def represents_badly(jacobian: np.ndarray, kept: list[int], values: np.ndarray) -> bool:
@@ -37,7 +38,7 @@ def represents_badly(jacobian: np.ndarray, kept: list[int], values: np.ndarray) 
     values: singular ones of all rows
     """
     count = len(kept)
-    return count > 0 and np.linalg.svd(jacobian[kept], compute_uv=False)[count - 1] < MIN_SINGULAR_FRACTION * values[count - 1]
+    return count > 0 and singular_values(jacobian[kept])[count - 1] < MIN_SINGULAR_FRACTION * values[count - 1]
 
 
 def first_independent(jacobians: list[np.ndarray]) -> list[int]:

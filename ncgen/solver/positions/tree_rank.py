@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from ncgen.model.singular_values import least_squares, singular_values
 from ncgen.program.tree.tree_rows import SampledPosition
 from ncgen.program.tree.tree_tables import OpenTree
 from ncgen.solver.positions.row_choice import best_rows, first_independent, represents_badly
@@ -60,11 +61,11 @@ class _Implied:
         block, block_here = self.tree.block(link, self.values), self.tree.block(link, self.values_here)
         if len(block) == rank:
             return list(range(rank))
-        values = np.linalg.svd(block_here, compute_uv=False)
+        values = singular_values(block_here)
         kept = first_independent([block])
         if len(kept) != rank or represents_badly(block_here, kept, values):
             self.is_ordered, kept = False, best_rows(block_here, rank).tolist()
-            if represents_badly(block, kept, np.linalg.svd(block, compute_uv=False)):
+            if represents_badly(block, kept, singular_values(block)):
                 raise _OpenQuestion
         return kept
 
@@ -99,7 +100,7 @@ class _Implied:
                 raise _OpenQuestion
             before, numbers = link, [self.tree.rows_of(link)[k] for k in self.kept[link]]
             block = self.tree.block(link, self.values)[self.kept[link]]
-            coefficients = np.linalg.lstsq(block.T, left[self.tree.unknowns[link]], rcond=None)[0]
+            coefficients = least_squares(block.T, left[self.tree.unknowns[link]])
             for number, coefficient in zip(numbers, coefficients.tolist(), strict=True):
                 if abs(coefficient) > MIN_COEFFICIENT:
                     parts[number] = coefficient

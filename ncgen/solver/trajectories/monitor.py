@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError, SingularError, counted
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.singular_values import singular_values
 from ncgen.solver.argument_checks import names_of
 from ncgen.solver.positions.partition import Partition, choose_partition, quality
 from ncgen.solver.positions.position import residual
@@ -123,7 +124,7 @@ def _one(
 ) -> tuple[float, float, float, float]:
     """σ, quality, best quality and violation of one instant."""
     jacobian = scaled_jacobian(kernels, q, t, p)
-    values = np.linalg.svd(jacobian, compute_uv=False)
+    values = singular_values(jacobian)
     sigma = values[rank - 1] / max(values[0], 1e-300) if rank else 1.0
     kept = best_rows(jacobian, rank) if rank else np.arange(0)
     independent = np.array([kernels.index[name] for name in chosen], dtype=int)
