@@ -196,10 +196,18 @@ def widest_tableau() -> int:
 @cache
 def _methods() -> dict[str, Any]:
     """The entries that are in C, in the order of their numbers there."""
+    from ncgen.methods.tableau import without_zeros
+
     integrators = [entry for entry in INTEGRATORS.values() if entry.in_c]
     explicit = [entry for entry in integrators if entry.tableau]
     width = max(entry.coefficients.width for entry in explicit)
-    return {"formalisms": [f for f in FORMALISMS.values() if f.in_c], "integrators": integrators, "explicit": explicit, "width": width}
+    return {
+        "formalisms": [f for f in FORMALISMS.values() if f.in_c],
+        "integrators": integrators,
+        "explicit": explicit,
+        "width": width,
+        "without_zeros": without_zeros,
+    }
 
 
 def write_printed(folder: Path) -> None:

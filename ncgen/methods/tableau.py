@@ -9,11 +9,12 @@ Equations I, II.2).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from math import prod
+from typing import NamedTuple
 
 import numpy as np
 
@@ -130,6 +131,25 @@ class Tableau:
         for row in reversed(self.dense):  # at s = ½ both factors are ½
             nested = 0.5 * (nested + np.array([float(x) for x in row]))
         _exact(nested, slopes, self.dense_order, 0.5, "the interpolant")
+
+
+class WithoutZeros(NamedTuple):
+    """What is not 0 in rows of coefficients, one row after another: slopes and their weights; rows: of each how many, and where the first
+    is."""
+
+    slopes: list[int]
+    weights: list[Fraction]
+    rows: list[tuple[int, int]]
+
+
+def without_zeros(rows: Iterable[Row]) -> WithoutZeros:
+    found = WithoutZeros([], [], [])
+    for row in rows:
+        terms = {j: x for j, x in enumerate(row) if x}
+        found.rows.append((len(terms), len(found.slopes)))
+        found.slopes.extend(terms)
+        found.weights.extend(terms.values())
+    return found
 
 
 def _exact(weights: np.ndarray, slopes: np.ndarray, order: int, s: float, label: str) -> None:

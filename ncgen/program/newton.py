@@ -21,12 +21,16 @@ def newton_step(lines: Lines, phi: Mapping[int, int], jacobian: Matrix, split: S
     return {split.dependent[j]: node for j, node in solve(lines.graph, factors, right).items()}
 
 
-def newton_program(lines: Lines, split: Split, moved: Sequence[int] | None, steps: Mapping[int, int], phi: Mapping[int, int]) -> Program:
-    """The program newton(t, q, p) -> Δq of the coordinates `moved`, None for the dependent ones, then Φ; 0 for what is in neither."""
+def newton_program(
+    lines: Lines, split: Split, moved: Sequence[int] | None, steps: Mapping[int, int], phi: Mapping[int, int] | None
+) -> Program:
+    """The program newton(t, q, p) -> Δq of the coordinates `moved`, None for the dependent ones, then Φ unless that is None; 0 for what is
+    in neither."""
     zero = lines.graph.const(0.0)
     changes = [steps.get(c, zero) for c in (split.dependent if moved is None else moved)]
+    residuals = [] if phi is None else [phi.get(r, zero) for r in range(len(lines.equations.rows))]
     made = lines.program if moved is None else lines.draft
-    return made("newton", ("t", "q", "p"), [*changes, *(phi.get(r, zero) for r in range(len(lines.equations.rows)))])
+    return made("newton", ("t", "q", "p"), [*changes, *residuals])
 
 
 def dependent_factors(lines: Lines, jacobian: Matrix, split: Split, samples: Sequence[Sample]) -> tuple[Matrix, Factors]:

@@ -77,6 +77,7 @@ def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = Fals
     records = {
         "model": equations.model,
         "prepared": programs.prepared,
+        "closing_rows": programs.closing.size - len(equations.free),
         "follow_from_angles": programs.follow_from_angles,
         "in_files": in_files,
         "forced": forced,

@@ -80,7 +80,8 @@ class DynamicsPrograms:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionPrograms:
-    """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ].
+    """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ], or Δq
+    alone where positions close at once.
 
     projected: gives what velocities gives, and the accelerations there: [q̈ (n), q̇ (n), power, growth], in phases of which derivative and
         velocities consist; None where forces of others act

@@ -60,8 +60,8 @@ def assemble_closed_positions(
 ) -> ClosedPositions:
     """The program newton(t, q, p) -> the dependent coordinates; with `moved`, or where not all follow from angles, Δq, then Φ.
 
-    Where every link is on a hinge with an independent angle positions close exactly. With `moved` the angles of all hinges, if these are
-    enough, stay as they are, whichever coordinates are independent, and Φ is 0 where all follow from them.
+    Where every link is on a hinge with an independent angle positions close exactly, and there is no Φ. With `moved` the angles of all
+    hinges, if these are enough, stay as they are, whichever coordinates are independent.
 
     Raises NoRecursion where no link is on such a hinge, and where a part of the others has not as many constraints as coordinates.
     """
@@ -80,7 +80,7 @@ def assemble_closed_positions(
         raise NoRecursion("the bodies' shapes depend on parameters")
     if moved is None and placing.is_exact:
         return ClosedPositions(lines.program("newton", ("t", "q", "p"), [lines.coordinates[c] for c in split.dependent]), True)
-    residuals = {} if placing.is_exact else Lines(equations, lines.graph).vector(KERNELS["phi"])
+    residuals = None if placing.is_exact else Lines(equations, lines.graph).vector(KERNELS["phi"])
     program = newton_program(lines, split, moved, steps, residuals)
     return ClosedPositions(program, len(hinges) == len(split.independent))
 

@@ -80,7 +80,8 @@ typedef struct ncgen_motion {
     ncgen_velocity_kernel *derivative; /* qd as the joints allow; NULL where it is `forced` */
     ncgen_velocity_kernel *velocities; /* of these the nearest qd that the joints allow, in the sense of kinetic energy, and growth alone */
     ncgen_velocity_kernel *projected;  /* this qd, and all else there; NULL where it is `forced` */
-    ncgen_position_kernel *closing;    /* a Newton step: dq (n_coordinates), phi (n_rows), which is 0 where it closes at once */
+    ncgen_position_kernel *closing;    /* a Newton step: dq (n_coordinates), and phi */
+    int n_closing_rows;                /* of phi: n_rows, or none where positions close at once */
     ncgen_prepare_kernel *prepare;     /* n_prepared numbers; NULL: none */
     int n_prepared;
     ncgen_forced_kernel *forced;       /* NULL, or the derivative with the forces of ncgen_dynamics.external */

@@ -34,9 +34,9 @@ static ncgen_real first_step(ncgen_block *r, int order, double span)
     return ncgen_select(good, ncgen_better_guess(guess, d1, d2, order, ncgen_splat(span)), guess * 0.01);
 }
 
-static void advance(const ncgen_block *r, ncgen_real h, int stages, const double *weights, ncgen_real *y_new)
+static void advance(const ncgen_block *r, ncgen_real h, const tableau_row *row, ncgen_real *y_new)
 {
-    ncgen_sum_stages(r->ny, stages, weights, r->k, r->y, h, y_new);
+    ncgen_sum_stages(r->ny, row, r->k, r->y, h, y_new);
 }
 
 /* One trial step of the lanes that run: new_y, and the derivative there. Those that have one. */
@@ -46,7 +46,7 @@ static ncgen_mask trial_step(ncgen_block *r, const tableau *method, ncgen_real t
     ncgen_mask good = r->running;
     r->not_finite = r->singular = none;
     for (int s = 1; s <= method->stages; ++s) {
-        advance(r, h, s, method->a[s], r->new_y);
+        advance(r, h, &method->a[s], r->new_y);
         good = ncgen_block_derivative(r, t + method->c[s] * h, r->new_y, r->k[s], good);
     }
     return good;
@@ -55,7 +55,7 @@ static ncgen_mask trial_step(ncgen_block *r, const tableau *method, ncgen_real t
 /* Estimate k of the error over h, squared. */
 static ncgen_real estimate(ncgen_block *r, const tableau *method, int k)
 {
-    ncgen_sum_stages(r->ny, method->stages + 1, method->errors[k], r->k, NULL, ncgen_splat(1.0), r->at);
+    ncgen_sum_stages(r->ny, &method->errors[k], r->k, NULL, ncgen_splat(1.0), r->at);
     return mean_square(r, r->ny, r->at, r->new_y);
 }
 
@@ -71,7 +71,7 @@ static ncgen_real error_of(ncgen_block *r, const tableau *method, ncgen_real h)
 static ncgen_mask prepare_interpolant(ncgen_block *r, const tableau *method, ncgen_real t, ncgen_real h, ncgen_mask wanted)
 {
     for (int s = method->stages + 1; s < method->width; ++s) {
-        advance(r, h, s, method->a[s], r->at);
+        advance(r, h, &method->a[s], r->at);
         wanted = ncgen_block_derivative(r, t + method->c[s] * h, r->at, r->k[s], wanted);
     }
     return wanted;
@@ -186,7 +186,7 @@ static ncgen_mask stiff_lanes(ncgen_block *r, const tableau *method, ncgen_mask 
             due[lane] = -1;
     if (!ncgen_any(due))
         return stiff;
-    advance(r, h, last - 1, method->a[last - 1], r->at);
+    advance(r, h, &method->a[last - 1], r->at);
     const double needed = pow(r->options->rtol, 1.0 / (method->order + 1));
     const ncgen_mask speaks = ncgen_is_held_by_stability(r->options, r->ny - 1, &pair, needed, method->stability, &moved);
     for (int lane = 0; lane < NCGEN_LANES; ++lane)

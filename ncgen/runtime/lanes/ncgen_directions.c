@@ -1,9 +1,8 @@
 /* ncgen_directions.c: a run that was taped, differentiated along directions, a direction a lane; steps as in ncgen_adjoint.c. */
 #include "ncgen_directions.h"
 #include "ncgen_space.h"
-#include "ncgen_stage_sums.h"
 #include "ncgen_vectors.h"
-#include "ncgen_tableaus.h"
+#include "ncgen_stage_sums.h"
 
 typedef struct sweep {
     const ncgen_seeded_motion *motion;
@@ -145,7 +144,7 @@ static void stages(const sweep *s, double t, double h, const double *states, con
     const int size = 2 * s->n, last = s->method->stages;
     const ncgen_real zero = {0};
     for (int j = 0; j <= last; ++j) {
-        ncgen_sum_stages(size, j, s->method->a[j], s->stage_derivatives, s->state, zero + h, s->seed);
+        ncgen_sum_stages(size, &s->method->a[j], s->stage_derivatives, s->state, zero + h, s->seed);
         if (j == last)
             break;
         note(s, j * size, size, s->seed);

@@ -3,9 +3,8 @@
  */
 #include "ncgen_motions.h"
 #include "ncgen_rows.h"
-#include "ncgen_stage_sums.h"
 #include "ncgen_vectors.h"
-#include "ncgen_tableaus.h"
+#include "ncgen_stage_sums.h"
 
 enum {
     POSITION_LIMIT = 12,
@@ -85,7 +84,7 @@ static void close_position(run *r, double t, ncgen_real *q, ncgen_mask open)
     for (int k = 0; k < POSITION_LIMIT && ncgen_any(open); ++k) {
         r->motion->closing(ncgen_splat(t), q, r->p, r->output);
         const ncgen_real moved = largest_of(r->n, r->output, r->per_column);
-        const ncgen_real violation = largest_of(r->n_rows, r->output + r->n, r->per_row);
+        const ncgen_real violation = largest_of(r->motion->n_closing_rows, r->output + r->n, r->per_row);
         const ncgen_mask lost = ~(moved < max_distance) | ((violation > 0.0) & (moved > max_growth * violation + 100.0 * rounding));
         r->good &= ~(open & lost);
         open &= ~lost;
@@ -158,7 +157,7 @@ static void step(run *r, double t, double h, ncgen_real *tape)
     ncgen_copy(size, r->state, tape);
     for (int s = 1; s <= last; ++s) {
         ncgen_real *stage = tape + s * size;
-        ncgen_sum_stages(size, s, r->method->a[s], r->stage_derivatives, r->state, ncgen_splat(h), stage);
+        ncgen_sum_stages(size, &r->method->a[s], r->stage_derivatives, r->state, ncgen_splat(h), stage);
         if (s < last)
             derivative(r, t + r->method->c[s] * h, stage, r->stage_derivatives[s]);
     }

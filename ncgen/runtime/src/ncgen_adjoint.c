@@ -91,14 +91,23 @@ static void project_back(sweep *s, ncgen_scalar t, const ncgen_real *left, const
     add(n, s->moved, s->state);
 }
 
+/* Reverse sweep through h times the sum of a row, with these weights: those of the stages are added. */
+static void row_back(sweep *s, ncgen_scalar h, const tableau_row *row, const ncgen_real *weights)
+{
+    const int size = 2 * s->n;
+    for (int k = 0; k < row->count; ++k)
+        for (int i = 0; i < size; ++i)
+            s->stages[row->stages[k] * size + i] += h * row->weights[k] * weights[i];
+}
+
 /* Reverse sweep through the stages of a step from t on. inputs, by_inputs: those of its stages */
 static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_real *states, const ncgen_real *inputs, ncgen_real *by_inputs)
 {
     const tableau *method = &tableaus[s->run->method];
     const int n = s->n, last = method->stages, first = s->run->n_parameters - s->n_w;
-    for (int j = 0; j < last; ++j)
-        for (int i = 0; i < 2 * n; ++i)
-            s->stages[j * 2 * n + i] = h * method->a[last][j] * s->state[i];
+    for (int i = 0; i < last * 2 * n; ++i)
+        s->stages[i] = NCGEN_SPLAT(R(0.0));
+    row_back(s, h, &method->a[last], s->state);
     for (int j = last - 1; j >= 0; --j) {
         const ncgen_real *at = states + j * 2 * n;
         ncgen_copy(s->n_w, inputs + j * s->n_w, s->p_now + first);
@@ -106,9 +115,7 @@ static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_re
         ncgen_copy(s->n_w, s->output + 2 * n + first, by_inputs + j * s->n_w);
         add(2 * n, s->output, s->state);
         add(s->n_p, s->output + 2 * n, s->p);
-        for (int k = 0; k < j; ++k)
-            for (int i = 0; i < 2 * n; ++i)
-                s->stages[k * 2 * n + i] += h * method->a[j][k] * s->output[i];
+        row_back(s, h, &method->a[j], s->output);
     }
 }
 

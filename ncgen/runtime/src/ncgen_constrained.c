@@ -176,6 +176,15 @@ int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
     return NCGEN_OK;
 }
 
+/* Not part of its caller, which saves and restores less without it. */
+static NCGEN_NOINLINE void derivative_with_forces(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
+{
+    if (ncgen_external_forces(r, t, q, qd) == NCGEN_OK)
+        r->constrained->motion->forced(t, q, qd, r->external, r->p, out);
+    else
+        *ncgen_growth_in(r, out) = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
+}
+
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
 {
     ncgen_constrained *w = r->constrained;
@@ -183,10 +192,8 @@ void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *
         ncgen_tree_derivative(r, &w->tree, t, q, qd, out);
     else if (!r->external)
         w->motion->derivative(t, q, qd, r->p, out);
-    else if (ncgen_external_forces(r, t, q, qd) == NCGEN_OK)
-        w->motion->forced(t, q, qd, r->external, r->p, out);
     else
-        *ncgen_growth_in(r, out) = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
+        derivative_with_forces(r, t, q, qd, out);
 }
 
 void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
@@ -216,6 +223,12 @@ void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, 
         w->motion->closing(t, q, r->p, out);
     else
         ncgen_tree_closing(r, &w->tree, t, q, out);
+}
+
+int ncgen_recursive_rows(const ncgen_run *r)
+{
+    const ncgen_motion *motion = r->constrained->motion;
+    return motion ? motion->n_closing_rows : r->m;
 }
 
 int ncgen_follows_from_measured(const ncgen_run *r)
@@ -303,14 +316,12 @@ static int choose_form(ncgen_run *r, ncgen_scalar t)
     return NCGEN_OK;
 }
 
-/* In a stage r->q, r->qd may stay those of another state. */
-static int stage_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
+/* Not part of its caller, which saves and restores less without it. */
+static NCGEN_NOINLINE int by_matrix(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
-    w->is_factored = !w->is_recursive || w->uses_matrix || !by_recursion(r, t, y + n, y, yd);
-    if (!w->is_factored)
-        return NCGEN_OK;
+    w->is_factored = 1;
     ncgen_copy(2 * n, y, r->qd);
     r->statistics->fallbacks += w->is_recursive;
     const int status = ncgen_constrained_accelerations(r, t);
@@ -320,6 +331,14 @@ static int stage_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_r
     ncgen_copy(n, r->qd, yd + n);
     *ncgen_growth_in(r, yd) = 0;
     return ncgen_constrained_power(r, t, yd + 2 * n);
+}
+
+/* In a stage r->q, r->qd may stay those of another state. */
+static int stage_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
+{
+    const ncgen_constrained *w = r->constrained;
+    const int is_found = w->is_recursive && !w->uses_matrix && by_recursion(r, t, y + r->n, y, yd);
+    return is_found ? NCGEN_OK : by_matrix(r, t, y, yd);
 }
 
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
@@ -347,7 +366,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     r->stage_derivative = stage_derivative;
     ncgen_copy(n, velocities, r->y);
     ncgen_copy(n, r->start_q, r->y + n);
-    ncgen_copy(n, velocities, r->start_qd);
+    ncgen_copy(n, velocities, r->start + n);
     ncgen_copy(n, r->start_q, r->q);
     r->y[2 * n] = r->y[2 * n + 1] = 0;
     w->has_phi_q = 0;

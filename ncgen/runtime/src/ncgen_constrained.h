@@ -82,6 +82,7 @@ void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *
 int ncgen_recursive_projected(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out); /* 0: velocities alone */
 int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd); /* is yd, which came along with the last ones, a derivative? */
 void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out);
+int ncgen_recursive_rows(const ncgen_run *r); /* that closing writes behind changes of coordinates */
 int ncgen_recursive_joints(const ncgen_run *r); /* of ncgen_tree.h where loops over its tables give the motion, else 0 */
 void ncgen_recursive_measure(ncgen_run *r, const ncgen_real *velocities, ncgen_real *chosen); /* of ncgen_tree.h */
 const ncgen_real *ncgen_recursive_along(ncgen_run *r, const ncgen_real *chosen);

@@ -46,7 +46,7 @@ static int begin(ncgen_run *r, parts *w, const ncgen_driven *d, const ncgen_opti
     r->out_q = r->out_qd = r->out_work = NULL;
     lay_out(r, w);
     ncgen_begin(r);
-    ncgen_copy(r->n, moment->q, r->start_q);
+    ncgen_copy(r->n, moment->q, r->start);
     r->project_state = options->project ? ncgen_project_state : NULL;
     r->state = ncgen_projected_state;
     return ncgen_constrained_begin(r, moment->qd);

@@ -70,7 +70,7 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
         tape_stage(r, method, 0, r->y);
     }
     for (int s = 1; s <= last; ++s) {
-        ncgen_advance_by_stages(r, w, h, s, method->a[s], w->new_y);
+        ncgen_advance_by_stages(r, w, h, &method->a[s], w->new_y);
         if (tape)
             tape_stage(r, method, s, w->new_y);
         const ncgen_scalar at = t + method->c[s] * h;
@@ -90,7 +90,7 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
 static int prepare_interpolant(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar h)
 {
     for (int s = method->stages + 1; s < method->width && !w->interpolated; ++s) {
-        ncgen_advance_by_stages(r, w, h, s, method->a[s], w->at);
+        ncgen_advance_by_stages(r, w, h, &method->a[s], w->at);
         const int status = r->derivative(r, t + method->c[s] * h, w->at, w->stage_derivatives[s]);
         if (status != NCGEN_OK)
             return status;
@@ -114,7 +114,7 @@ static int interpolate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_sc
         for (int j = 0; j < method->width; ++j)
             weights[j] = (weights[j] + dense[j]) * factor;
     }
-    ncgen_advance_by_stages(r, w, h, method->width, weights, w->at);
+    ncgen_advance_by_weights(r, w, h, method->width, weights, w->at);
     return NCGEN_OK;
 }
 

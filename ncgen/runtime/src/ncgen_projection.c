@@ -181,7 +181,8 @@ static int close_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, co
     for (int k = 0; k < POSITION_LIMIT; ++k, q = r->q) {
         ncgen_recursive_closing(r, t, q, w->emitted);
         r->statistics->newton_steps += 1;
-        const ncgen_real moved = ncgen_constrained_size(r, w->emitted), violation = ncgen_constrained_violation(r, w->emitted + r->n);
+        const ncgen_real moved = ncgen_constrained_size(r, w->emitted);
+        const ncgen_real violation = ncgen_largest(ncgen_recursive_rows(r), w->emitted + r->n, r->dynamics->row_sizes);
         if (!(moved < too_far) || (w->motion && violation > 0 && moved > ncgen_pivot_growth_limit(r, R(10.0)) * violation + nothing))
             return STAYS_OPEN;
         NCGEN_UNROLLED
@@ -252,18 +253,10 @@ static int is_repeated_first(const ncgen_run *r, int precise)
     return !precise && w->is_recursive && !w->motion && !w->uses_matrix && r->dynamics->tree && r->dynamics->tree->n_closing;
 }
 
-/* Position and velocity of the state y onto the constraints, in r->q and r->qd, with the factors of a nearby state unless there are none;
- * enough, yd: as above; precise: 1 where nothing is tried before the matrix but the recursion, 2 where velocities take the least kinetic
- * energy to all digits, too. */
-static int project(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factors_are_near, ncgen_scalar enough, int precise,
-                   ncgen_real *yd)
+/* The same with the matrix. */
+static int close_by_matrix(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factors_are_near, int precise)
 {
     ncgen_constrained *w = r->constrained;
-    w->came_along = 0;
-    if (w->is_recursive && !w->uses_matrix && close_by_recursion(r, w, t, y, enough, yd))
-        return NCGEN_OK;
-    if (is_repeated_first(r, precise))
-        return NCGEN_NOT_CONVERGED;
     ncgen_copy(2 * r->n, y, r->qd);
     const long steps = r->statistics->newton_steps;
     w->moved_at_once = -1;
@@ -274,6 +267,19 @@ static int project(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factor
     if (status == NCGEN_OK && !factors_are_near && has_moved)
         status = refresh(r, t);
     return status == NCGEN_OK ? project_velocity(r, t, precise > 1) : status;
+}
+
+/* Position and velocity of the state y onto the constraints, in r->q and r->qd, with the factors of a nearby state unless there are none;
+ * enough, yd: as above; precise: 1 where nothing is tried before the matrix but the recursion, 2 where velocities take the least kinetic
+ * energy to all digits, too. */
+static int project(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, int factors_are_near, ncgen_scalar enough, int precise,
+                   ncgen_real *yd)
+{
+    ncgen_constrained *w = r->constrained;
+    w->came_along = 0;
+    if (w->is_recursive && !w->uses_matrix && close_by_recursion(r, w, t, y, enough, yd))
+        return NCGEN_OK;
+    return is_repeated_first(r, precise) ? NCGEN_NOT_CONVERGED : close_by_matrix(r, t, y, factors_are_near, precise);
 }
 
 /* precise: with the factors of this state */

@@ -59,8 +59,8 @@ static int begin(ncgen_run *r, parts *w, const ncgen_real *q, const ncgen_real *
     lay_out(r, w);
     ncgen_begin(r);
     for (int i = 0; i < r->n; ++i) {
-        r->start_q[i] = q[i];
-        r->start_qd[i] = 0;
+        r->start[i] = q[i];
+        r->start[r->n + i] = 0;
     }
     const int status = ncgen_choose(r);
     if (r->partitioning) {

@@ -97,14 +97,22 @@ void ncgen_write_row(ncgen_run *r, ncgen_real work)
     r->rows += 1;
 }
 
-/* What was evaluated last becomes the last accepted state. */
-void ncgen_save_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
+/* A state whose arrays stay becomes the last accepted one. */
+static void accept_state(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real work)
 {
-    ncgen_copy(r->n, r->q, r->start_q);
-    ncgen_copy(r->n, r->qd, r->start_qd);
+    r->start_q = q;
+    r->start_qd = qd;
     r->start_work = work;
     r->start_t = t;
     r->statistics->t = t;
+}
+
+/* What was evaluated last becomes the last accepted state. */
+void ncgen_save_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
+{
+    ncgen_copy(r->n, r->q, r->start);
+    ncgen_copy(r->n, r->qd, r->start + r->n);
+    accept_state(r, t, r->start, r->start + r->n, work);
 }
 
 void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
@@ -131,8 +139,9 @@ void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics
 
 void ncgen_state_layout(ncgen_run *r)
 {
-    r->start_q = ncgen_take(&r->space, r->n);
-    r->start_qd = ncgen_take(&r->space, r->n);
+    r->start = ncgen_take(&r->space, 2 * r->n);
+    r->start_q = r->start;
+    r->start_qd = r->start ? r->start + r->n : NULL;
     r->external = r->dynamics->external ? ncgen_take(&r->space, r->n) : NULL;
     r->is_driven = r->options->signals && r->options->signals->inputs && r->model->n_inputs > 0;
     const int prepared = r->dynamics->motion ? r->dynamics->motion->n_prepared : 0;
@@ -194,18 +203,20 @@ int ncgen_choose(ncgen_run *r)
     return status;
 }
 
-int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t)
+int ncgen_ask_for_inputs(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_signals *signals = r->options->signals;
-    if (!r->is_driven)
-        return NCGEN_OK;
     return signals->inputs(signals->context, r->step_start, t, r->p_copy + r->model->n_parameters - r->model->n_inputs);
 }
 
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
 {
+    const ncgen_real work = y[r->error_size - 1];
     r->uses_exchanges = 0;
-    ncgen_save_state(r, t, y[r->error_size - 1]);
+    if (r->constrained)
+        accept_state(r, t, y + r->n, y, work);
+    else
+        ncgen_save_state(r, t, work);
     return r->accept ? r->accept(r, t) : NCGEN_OK;
 }
 

@@ -35,7 +35,8 @@ struct ncgen_run {
 
     ncgen_real *q, *qd;             /* of the last evaluation */
     ncgen_real *external;           /* forces of the dynamics' own function there; NULL without it */
-    ncgen_real *start_q, *start_qd; /* the last accepted state */
+    ncgen_real *start;              /* 2 n: room for the last accepted state */
+    const ncgen_real *start_q, *start_qd; /* that state, there or in y */
     ncgen_real start_work;
     ncgen_scalar start_t;
     ncgen_real *y;
@@ -84,7 +85,6 @@ void ncgen_begin(ncgen_run *r);
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
 /* The derivative of a new state, first brought onto the constraints where the formalism does that. */
 int ncgen_end_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd);
-int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t); /* what drives the run, before forces at time t */
 int ncgen_choose(ncgen_run *r); /* parameters that follow from the last accepted position */
 void ncgen_save_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
 ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span); /* 0: more than can be counted */
@@ -123,7 +123,15 @@ static inline ncgen_real ncgen_row_times(const ncgen_pattern *pattern, const ncg
 void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product);
 void ncgen_row_velocities(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates);
 
-/* The same before an attempt at time t; NCGEN_INTERRUPTED ends the run. */
+int ncgen_ask_for_inputs(ncgen_run *r, ncgen_scalar t);
+
+/* What drives the run, before forces at time t. */
+static inline int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t)
+{
+    return r->is_driven ? ncgen_ask_for_inputs(r, t) : NCGEN_OK;
+}
+
+/* Progress before an attempt at time t; NCGEN_INTERRUPTED ends the run. */
 static inline int ncgen_report_attempt(ncgen_run *r, ncgen_scalar t)
 {
     r->statistics->tried = t;

@@ -10,7 +10,7 @@ ncgen_real ncgen_weighted_square(const ncgen_run *r, const ncgen_real *x, const 
 /* Estimate k of the error over h, squared. */
 static ncgen_real estimate(ncgen_run *r, ncgen_stepping *w, const tableau *method, int k)
 {
-    ncgen_combine_stages(r, w, method->stages + 1, method->errors[k], w->at);
+    ncgen_combine_stages(r, w, &method->errors[k], w->at);
     return ncgen_weighted_square(r, w->at, r->y, w->new_y);
 }
 

@@ -23,7 +23,7 @@ static int is_limited_by_stability(const ncgen_run *r, ncgen_stepping *w, const 
     *tiny = 0;
     if (r->options->max_step > 0 && !(h < r->options->max_step))
         return 0; /* the user holds it down */
-    ncgen_advance_by_stages(r, w, h, last - 1, method->a[last - 1], w->at);
+    ncgen_advance_by_stages(r, w, h, &method->a[last - 1], w->at);
     const ncgen_scalar needed = NCGEN_POW(r->options->rtol, 1 / (ncgen_scalar)(method->order + 1));
     const int speaks = ncgen_is_held_by_stability(r->options, r->error_size - 1, &pair, needed, method->stability, &moved);
     *tiny = moved < R(1.0e-3);
