@@ -196,7 +196,7 @@ def widest_tableau() -> int:
 @cache
 def _methods() -> dict[str, Any]:
     """The entries that are in C, in the order of their numbers there."""
-    from ncgen.methods.tableau import without_zeros
+    from ncgen.methods.tableau import nonzeros
 
     integrators = [entry for entry in INTEGRATORS.values() if entry.in_c]
     explicit = [entry for entry in integrators if entry.tableau]
@@ -206,7 +206,7 @@ def _methods() -> dict[str, Any]:
         "integrators": integrators,
         "explicit": explicit,
         "width": width,
-        "without_zeros": without_zeros,
+        "nonzeros": nonzeros,
     }
 
 

@@ -133,23 +133,23 @@ class Tableau:
         _exact(nested, slopes, self.dense_order, 0.5, "the interpolant")
 
 
-class WithoutZeros(NamedTuple):
-    """What is not 0 in rows of coefficients, one row after another: slopes and their weights; rows: of each how many, and where the first
+class Nonzeros(NamedTuple):
+    """What is not 0 in rows of coefficients, one row after another: stages and their weights; rows: of each how many, and where the first
     is."""
 
-    slopes: list[int]
+    stages: list[int]
     weights: list[Fraction]
     rows: list[tuple[int, int]]
 
 
-def without_zeros(rows: Iterable[Row]) -> WithoutZeros:
-    found = WithoutZeros([], [], [])
+def nonzeros(rows: Iterable[Row]) -> Nonzeros:
+    result = Nonzeros([], [], [])
     for row in rows:
         terms = {j: x for j, x in enumerate(row) if x}
-        found.rows.append((len(terms), len(found.slopes)))
-        found.slopes.extend(terms)
-        found.weights.extend(terms.values())
-    return found
+        result.rows.append((len(terms), len(result.stages)))
+        result.stages.extend(terms)
+        result.weights.extend(terms.values())
+    return result
 
 
 def _exact(weights: np.ndarray, slopes: np.ndarray, order: int, s: float, label: str) -> None:

@@ -24,8 +24,8 @@ def newton_step(lines: Lines, phi: Mapping[int, int], jacobian: Matrix, split: S
 def newton_program(
     lines: Lines, split: Split, moved: Sequence[int] | None, steps: Mapping[int, int], phi: Mapping[int, int] | None
 ) -> Program:
-    """The program newton(t, q, p) -> Δq of the coordinates `moved`, None for the dependent ones, then Φ unless that is None; 0 for what is
-    in neither."""
+    """The program newton(t, q, p) -> Δq of the coordinates `moved`, None for the dependent ones, then Φ if there is one; 0 for what is in
+    neither."""
     zero = lines.graph.const(0.0)
     changes = [steps.get(c, zero) for c in (split.dependent if moved is None else moved)]
     residuals = [] if phi is None else [phi.get(r, zero) for r in range(len(lines.equations.rows))]

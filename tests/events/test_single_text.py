@@ -37,7 +37,7 @@ RULES = {
     "contacts that come to rest": (r"missed \* |missed_speed|unseen_sliding\(", "ncgen_sliding.c"),
     "in which direction a contact slides": (r"slides_not|sign\(-force|largest_so_far", "ncgen_active.h ncgen_active.c ncgen_sliding.c"),
     "errors and lengths of explicit steps": (r"0\.9[l)]* \* ncgen_pow|0\.01[l)]* \* (second|d0|size|estimate)", "ncgen_step_rules.h"),
-    "sums of stages": (r"weights?(\[\w\])? \* (\w+->)?(stage_)?derivatives\[", "ncgen_stage_sums.h"),
+    "sums of stages": (r"(weights?|factors)(\[\w\])? \* (\w+->)?((stage_)?derivatives|terms)\[", "ncgen_stage_sums.h"),
     "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
 }
 """{rule: words that its text has, the file that has it, or two; none where C receives it from the model}"""

@@ -337,8 +337,8 @@ static NCGEN_NOINLINE int by_matrix(ncgen_run *r, ncgen_scalar t, const ncgen_re
 static int stage_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
     const ncgen_constrained *w = r->constrained;
-    const int is_found = w->is_recursive && !w->uses_matrix && by_recursion(r, t, y + r->n, y, yd);
-    return is_found ? NCGEN_OK : by_matrix(r, t, y, yd);
+    const int has_derivative = w->is_recursive && !w->uses_matrix && by_recursion(r, t, y + r->n, y, yd);
+    return has_derivative ? NCGEN_OK : by_matrix(r, t, y, yd);
 }
 
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
