@@ -22,9 +22,8 @@ WITH_ROWS = "with rows of states"
 
 def has_rows(arguments: Mapping[str, Any], names: Collection[str] = STATE_ARGUMENTS) -> bool:
     """Return whether arguments describe a batch: whether one of these names has rows."""
-    for name in names:
-        value = arguments.get(name)
-        if value is not None and _row_count(value) is not None:
+    for name, value in arguments.items():
+        if value is not None and name in names and _row_count(value) is not None:
             return True
     return False
 

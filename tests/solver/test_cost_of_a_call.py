@@ -20,7 +20,7 @@ from ncgen.solver.motions.run_under_way import RunUnderWay
 
 DURATION = 0.01
 
-MOST_FUNCTIONS = 117
+MOST_FUNCTIONS = 115
 """Calls of functions of Python and C in a call like those before; there were 622 when everything was found anew, 286 when the run was
 put together from its parts, and 119 when every part of it was wrapped in functions made for the call."""
 
