@@ -177,7 +177,7 @@ int ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w)
     return status;
 }
 
-/* All rows that are left out are added up, with factors that do not cancel, and found as a sum of those that count. */
+/* All rows that are left out are added up, with factors of size 1 to 2 that do not cancel, and found as a sum of those that count. */
 int ncgen_rows_are_good(ncgen_run *r, ncgen_constrained *w)
 {
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
@@ -187,7 +187,7 @@ int ncgen_rows_are_good(ncgen_run *r, ncgen_constrained *w)
     for (int i = 0; i < r->n + r->m; ++i)
         w->probe[i] = 0;
     for (int i = 0; i < r->m; ++i) {
-        const ncgen_scalar part = ncgen_next_random(&seed) / r->dynamics->row_sizes[i];
+        const ncgen_scalar x = ncgen_next_random(&seed), part = (x < 0 ? x - 1 : x + 1) / r->dynamics->row_sizes[i];
         for (int k = phi_q->indptr[i]; k < (w->is_left_out[i] ? phi_q->indptr[i + 1] : phi_q->indptr[i]); ++k)
             w->probe[phi_q->indices[k]] += part * values[k];
     }
