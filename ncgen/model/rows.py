@@ -116,6 +116,8 @@ def _later_over_earlier(row: Row, number: Callable[[Value], float], extent: floa
     along = row.arguments.get("e", row.arguments.get("a"))
     if row.type is None or row.type.key not in ALONG_SEGMENTS or not isinstance(along, Combination) or measures.shape(along) != "segment":
         return 1.0
+    if along.is_parametric:  # its own length is that of the row, as an expression
+        return 1.0
     earlier = number(row.data["L"])
     if abs(earlier - arithmetic.norm(along.initial)) <= SIX_DIGITS * earlier:
         return 1.0
