@@ -22,8 +22,8 @@ from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
 from ncgen.toolchain.once import once
 
 SOURCES = (
-    "ncgen_motions.h", "ncgen_motions.c", "ncgen_adjoint.c", "ncgen_space.c", "ncgen_space.h", "ncgen_stage_sums.h",
-    "ncgen_vectors.h", "ncgen_rows.h",
+    "ncgen_motions.h", "ncgen_motions.c", "ncgen_adjoint.c", "ncgen_closing_rules.h", "ncgen_space.c", "ncgen_space.h",
+    "ncgen_stage_sums.h", "ncgen_vectors.h", "ncgen_rows.h",
 )  # fmt: skip
 
 TAPED = 2**24

@@ -2,18 +2,19 @@
  * ncgen_projection.c is a mask here, and a state that would go by the matrix is handed back.
  */
 #include "ncgen_motions.h"
+
+#include <float.h>
+
+#include "ncgen_closing_rules.h"
 #include "ncgen_rows.h"
 #include "ncgen_vectors.h"
 #include "ncgen_stage_sums.h"
 
-enum {
-    POSITION_LIMIT = 12,
-    CHAINS = 4 /* of additions and comparisons which do not wait for each other */
-};
+enum { CHAINS = 4 }; /* of additions and comparisons which do not wait for each other */
 
-/* As in ncgen_constrained.c where a tape is written, and in ncgen_projection.c. */
-static const double max_growth = 10.0e6, max_step_growth = 3.0e6, max_distance = 0.1, quadratic_limit = 10.0 * 1.4901161193847656e-8;
-static const double rounding = 2.220446049250313e-16;
+/* The limits of a run that writes a tape. */
+static const double rounding = DBL_EPSILON, max_growth = NCGEN_BAD_GROWTH * NCGEN_TAPED_GROWTH;
+static const double max_step_growth = NCGEN_SOON_BAD_GROWTH * NCGEN_TAPED_GROWTH;
 
 typedef struct run {
     const ncgen_motion *motion;
@@ -81,11 +82,12 @@ static ncgen_real largest_of(int count, const ncgen_real *x, const ncgen_real *p
 /* Newton steps for the position of some lanes, in q; those that do not close, or are moved too far, are good no more. */
 static void close_position(run *r, double t, ncgen_real *q, ncgen_mask open)
 {
-    for (int k = 0; k < POSITION_LIMIT && ncgen_any(open); ++k) {
+    const double quadratic_limit = sqrt(rounding) * NCGEN_QUADRATIC, nothing = NCGEN_ROUNDINGS * rounding;
+    for (int k = 0; k < NCGEN_POSITION_LIMIT && ncgen_any(open); ++k) {
         r->motion->closing(ncgen_splat(t), q, r->p, r->output);
         const ncgen_real moved = largest_of(r->n, r->output, r->per_column);
         const ncgen_real violation = largest_of(r->motion->n_closing_rows, r->output + r->n, r->per_row);
-        const ncgen_mask lost = ~(moved < max_distance) | ((violation > 0.0) & (moved > max_growth * violation + 100.0 * rounding));
+        const ncgen_mask lost = ~(moved < NCGEN_TOO_FAR) | ((violation > 0.0) & (moved > max_growth * violation + nothing));
         r->good &= ~(open & lost);
         open &= ~lost;
         for (int i = 0; i < r->n; ++i)
@@ -117,20 +119,20 @@ static void project_state(run *r, double t, ncgen_real *closed)
     }
     for (int i = 0; i < n; ++i)
         q[i] += (ncgen_real)((ncgen_mask)r->output[n + i] & (length > 0.0));
-    close_position(r, t, q, r->good & ~(length * length < 0.01 * rounding));
+    close_position(r, t, q, r->good & ~(length * length < NCGEN_STRAIGHT * rounding));
     r->motion->velocities(ncgen_splat(t), q, qd, r->p, r->output);
     ncgen_copy(n, r->output + n, qd);
 }
 
-/* As of ncgen_constrained.c: lanes in which small pivots multiply errors of a step are good no more. */
+/* Lanes in which small pivots multiply errors of a step are good no more. */
 static void check_errors(run *r, const ncgen_real *qd, const ncgen_real *allowed, ncgen_real growth)
 {
-    const ncgen_mask digit_lost = growth >= 100.0;
+    const ncgen_mask digit_lost = growth >= NCGEN_GROWTH_OF_A_DIGIT;
     if (!ncgen_any(digit_lost))
         return;
     for (int i = 0; i < r->n; ++i)
         r->offset[i] = allowed[i] - qd[i];
-    r->good &= ~(digit_lost & (largest_of(r->n, r->offset, r->per_column) > 1.0e-4 * largest_of(r->n, qd, r->per_column)));
+    r->good &= ~(digit_lost & (largest_of(r->n, r->offset, r->per_column) > NCGEN_HARMLESS_SHARE * largest_of(r->n, qd, r->per_column)));
 }
 
 /* [qd, qdd] of a state into stage_derivatives; lanes with pivot growth, or a NaN, are good no more. */

@@ -185,7 +185,7 @@ static NCGEN_NOINLINE void derivative_with_forces(ncgen_run *r, ncgen_scalar t, 
         *ncgen_growth_in(r, out) = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
 }
 
-void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
+static inline void write_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
 {
     ncgen_constrained *w = r->constrained;
     if (!w->motion)
@@ -194,6 +194,11 @@ void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *
         w->motion->derivative(t, q, qd, r->p, out);
     else
         derivative_with_forces(r, t, q, qd, out);
+}
+
+void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
+{
+    write_derivative(r, t, q, qd, out);
 }
 
 void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
@@ -264,20 +269,24 @@ static int take(ncgen_run *r, ncgen_constrained *w, ncgen_real *yd)
     return 1;
 }
 
-/* Small pivots multiply how far velocities of a stage are from those that the joints allow by the root of their growth. A run with a tape goes
- * on with such pivots, and without error control nothing else shows that its steps have a digit less than others. */
-static int multiplies_errors(const ncgen_run *r, ncgen_real growth, const ncgen_real *qd, const ncgen_real *allowed)
+/* Are velocities of a stage farther from those that the joints allow than steps without error control may be? Not part of its callers, few of which
+ * come here. */
+static NCGEN_NOINLINE int leaves_allowed(const ncgen_run *r, const ncgen_real *qd, const ncgen_real *allowed)
 {
-    const ncgen_scalar digit_lost = R(100.0), harmless = R(1.0e-4);
     const ncgen_scalar *sizes = r->dynamics->column_sizes;
-    if (!r->options->tape || !ncgen_is_fixed_explicit(r->options) || growth < digit_lost)
-        return 0;
     ncgen_real largest = 0;
     for (int i = 0; i < r->n; ++i) {
         const ncgen_real difference = NCGEN_ABS(allowed[i] - qd[i]) / sizes[i];
         largest = difference > largest ? difference : largest;
     }
-    return largest > harmless * ncgen_largest(r->n, qd, sizes);
+    return largest > NCGEN_HARMLESS_SHARE * ncgen_largest(r->n, qd, sizes);
+}
+
+/* Do small pivots multiply the error of a stage by more than a digit? See ncgen_closing_rules.h. */
+static int multiplies_errors(const ncgen_run *r, ncgen_real growth, const ncgen_real *qd, const ncgen_real *allowed)
+{
+    return r->options->tape && ncgen_is_fixed_explicit(r->options) && !(growth < NCGEN_GROWTH_OF_A_DIGIT) &&
+           leaves_allowed(r, qd, allowed);
 }
 
 /* The derivative of the state (q, qd) by the recursion; 0 where its order of elimination is a bad one. */
@@ -286,7 +295,7 @@ static int by_recursion(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const
     ncgen_constrained *w = r->constrained;
     if (ncgen_read_inputs(r, t) != NCGEN_OK)
         return 0; /* the same is found again, and reported, on the way by the matrix */
-    ncgen_recursive_derivative(r, t, q, qd, yd);
+    write_derivative(r, t, q, qd, yd);
     return !multiplies_errors(r, *ncgen_growth_in(r, yd), qd, yd + r->n) && take(r, w, yd);
 }
 
@@ -298,13 +307,13 @@ int ncgen_recursive_taken(ncgen_run *r, ncgen_real *yd)
 /* Which way the next step goes: all of its stages the same, since off the constraints, where they are, the two differ. */
 static int choose_form(ncgen_run *r, ncgen_scalar t)
 {
-    const ncgen_scalar soon_bad = R(3.0), usual = R(1.5);
+    const ncgen_scalar usual = R(1.5);
     ncgen_constrained *w = r->constrained;
     if (w->is_factored) {
         ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
         w->pivot_growth = *ncgen_growth_in(r, w->emitted);
     }
-    w->uses_matrix = !(w->pivot_growth < ncgen_pivot_growth_limit(r, soon_bad));
+    w->uses_matrix = !(w->pivot_growth < ncgen_pivot_growth_limit(r, NCGEN_SOON_BAD_GROWTH));
     r->projects_stages = !(w->pivot_growth < usual);
     if (w->uses_matrix && w->redundant && w->is_prepared) {
         const int status = ncgen_constrained_matrices(r, t);

@@ -2,6 +2,7 @@
 #ifndef NCGEN_CONSTRAINED_H
 #define NCGEN_CONSTRAINED_H
 
+#include "ncgen_closing_rules.h"
 #include "ncgen_sparse.h"
 #include "ncgen_state.h"
 #ifndef NCGEN_WITHOUT_TABLES
@@ -92,13 +93,13 @@ int ncgen_follows_from_measured(const ncgen_run *r); /* is the position that clo
  * until three are. */
 static inline ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit)
 {
-    return r->options->tape ? limit * R(1.0e6) : limit;
+    return r->options->tape ? limit * NCGEN_TAPED_GROWTH : limit;
 }
 
 /* Of an emitted elimination. */
 static inline int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth)
 {
-    return !(growth < ncgen_pivot_growth_limit(r, R(10.0)));
+    return !(growth < ncgen_pivot_growth_limit(r, NCGEN_BAD_GROWTH));
 }
 
 #endif

@@ -4,7 +4,7 @@
 #include "ncgen_method.h"
 #include "ncgen_solution.h"
 
-enum { POSITION_LIMIT = 12, VELOCITY_LIMIT = 5 };
+enum { VELOCITY_LIMIT = 5 };
 
 /* Phi_q and the factors at r->q. */
 static int refresh(ncgen_run *r, ncgen_scalar t)
@@ -45,7 +45,7 @@ static int project_position(ncgen_run *r, ncgen_scalar t, int fresh)
     ncgen_constrained *w = r->constrained;
     const ncgen_scalar wanted = 100 * r->rounding;
     ncgen_real before = 0;
-    for (int k = 0; k < POSITION_LIMIT; ++k) {
+    for (int k = 0; k < NCGEN_POSITION_LIMIT; ++k) {
         int status = ncgen_phi(r, t, r->q, w->residual + r->n);
         const ncgen_real size = ncgen_constrained_violation(r, w->residual + r->n);
         if (status != NCGEN_OK)
@@ -177,13 +177,14 @@ static int is_near(const ncgen_run *r, const ncgen_constrained *w, ncgen_real mo
  * coordinate stays as it is, and links pass on what moves the one before. */
 static int close_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const ncgen_real *q)
 {
-    const ncgen_scalar quadratic_limit = NCGEN_SQRT(r->rounding) * R(10.0), too_far = R(0.1), nothing = 100 * r->rounding;
-    for (int k = 0; k < POSITION_LIMIT; ++k, q = r->q) {
+    const ncgen_scalar quadratic_limit = NCGEN_SQRT(r->rounding) * NCGEN_QUADRATIC, nothing = NCGEN_ROUNDINGS * r->rounding;
+    for (int k = 0; k < NCGEN_POSITION_LIMIT; ++k, q = r->q) {
         ncgen_recursive_closing(r, t, q, w->emitted);
         r->statistics->newton_steps += 1;
         const ncgen_real moved = ncgen_constrained_size(r, w->emitted);
         const ncgen_real violation = ncgen_largest(ncgen_recursive_rows(r), w->emitted + r->n, r->dynamics->row_sizes);
-        if (!(moved < too_far) || (w->motion && violation > 0 && moved > ncgen_pivot_growth_limit(r, R(10.0)) * violation + nothing))
+        if (!(moved < NCGEN_TOO_FAR) ||
+            (w->motion && violation > 0 && moved > ncgen_pivot_growth_limit(r, NCGEN_BAD_GROWTH) * violation + nothing))
             return STAYS_OPEN;
         NCGEN_UNROLLED
         for (int i = 0; i < r->n; ++i)
@@ -217,7 +218,7 @@ static int approach(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, const nc
     for (int i = 0; i < n; ++i)
         r->q[i] += r->model->nu ? w->solution[i] - moved[i] : moved[i];
     /* what is straight leaves the constraints, always to the same side, by about the square of its length */
-    return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t, r->q) != STAYS_OPEN);
+    return !is_bad && (length * length < NCGEN_STRAIGHT * r->rounding || close_position(r, w, t, r->q) != STAYS_OPEN);
 }
 
 /* Position and velocity of the state y by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below,

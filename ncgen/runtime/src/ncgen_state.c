@@ -1,6 +1,8 @@
 /* ncgen_state.c: what every integrator does with a run. */
 #include "ncgen_state.h"
 
+#include <limits.h>
+
 int ncgen_nonzeros(const ncgen_pattern *pattern)
 {
     return pattern->indptr ? pattern->indptr[pattern->rows] : 0;
@@ -134,7 +136,7 @@ void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics
     r->accept = NULL;
     r->projects_stages = 1;
     r->projecting = r->uses_exchanges = r->rows = 0;
-    r->attempts_left = options->attempts_left > 1 ? options->attempts_left : 1;
+    r->attempts_left = !options->progress ? LONG_MAX : options->attempts_left > 1 ? options->attempts_left : 1;
 }
 
 void ncgen_state_layout(ncgen_run *r)
