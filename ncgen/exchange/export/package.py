@@ -239,7 +239,8 @@ class Package:
         closing = kernels.get("phi", 0) + solve
         usual = 5 * matrix + 3 * closing
         refinements = constant_of("ncgen_solution.c", "REFINEMENT_LIMIT")
-        positions, velocities = (constant_of("ncgen_projection.c", f"{kind}_LIMIT") for kind in ("POSITION", "VELOCITY"))
+        positions = constant_of("ncgen_closing_rules.h", "NCGEN_POSITION_LIMIT")
+        velocities = constant_of("ncgen_projection.c", "VELOCITY_LIMIT")
         vectors = row_vectors(self.kernels.m, self.rank)
         choice = (factor + 2 * vectors * solve + 4 * vectors**2 * (self.kernels.n + self.kernels.m)) if vectors else 0
         most = 5 * (matrix + refinements * 2 * solve) + choice + positions * (closing + matrix) + velocities * 2 * solve
