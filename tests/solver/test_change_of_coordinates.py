@@ -7,7 +7,7 @@ import pytest
 
 import ncgen
 from ncgen import Model
-from ncgen.solver.positions.partition import Partition, choose_partitions, quality
+from ncgen.solver.positions.partition import Partition, PartitionsAt, choose_partitions
 
 TURN, RATE, DURATION = 2.5, 3.0, 2.0
 """The angle (rad) at the start of a free pendulum of 1 m, its rate (rad/s), and the length of the motion (s): a whole turn, nearly."""
@@ -43,7 +43,7 @@ def test_quality_is_one_over_the_growth_of_errors(kernels, angle):
     q = np.zeros(kernels.n)
     q[[i["B.x"], i["B.y"]]] = np.cos(angle), np.sin(angle)
     partition = Partition(np.arange(2), np.sort([i["B.y"], i["C.x"]]), np.array([i["B.x"]]))
-    assert quality(kernels, partition, q) == pytest.approx(np.sin(angle), rel=1e-9)
+    assert PartitionsAt(kernels, q).quality(partition) == pytest.approx(np.sin(angle), rel=1e-9)
 
 
 def test_a_run_changes_them(kernels):

@@ -27,10 +27,8 @@ from ncgen.solver.positions.partition import (
     DEGRADED,
     Partition,
     Partitions,
-    better_partitions,
+    PartitionsAt,
     determined,
-    quality,
-    regularity,
     stuck_message,
 )
 from ncgen.solver.runs.run import Initial
@@ -219,23 +217,25 @@ class PartitionedMotion:
         """The four stages of every step; `_last` is the instant at the end."""
         begin = StepStart(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         first = self._stage_at(self.partition, begin, self._ends[0], self.y0, self._present(self._ends[0], self._ends[0]))
-        chosen_with = self._quality(first)
+        here = self._here(first)
+        chosen_with = here.quality(first.partition)
         for k, h in enumerate(np.diff(self._ends)):
-            other = self._in_better_coordinates(first) if self._quality(first) <= DEGRADED * chosen_with else None
+            is_degraded = here.quality(first.partition) <= DEGRADED * chosen_with
+            other = self._in_better_coordinates(first, here) if is_degraded else None
             try:
                 stages, following = self._step(other or first, h)
             except (ConvergenceError, SingularError):
-                other = None if other else self._in_better_coordinates(first)
+                other = None if other else self._in_better_coordinates(first, here)
                 if other is None:
                     raise
                 stages, following = self._step(other, h)
             if other:
-                self._changed[k], chosen_with = first, self._quality(other)
-            self._keep(stages[0])
+                self._changed[k], chosen_with = first, here.quality(other.partition)
+            self._keep(stages[0], here)
             yield stages
-            first = following
+            first, here = following, self._here(following)
         self._last = first
-        self._keep(first)
+        self._keep(first, here)
 
     def _step(self, first: PartitionedStage, h: float) -> tuple[list[PartitionedStage], PartitionedStage]:
         """The stages of a step from its first one, and the stage that follows.
@@ -252,17 +252,17 @@ class PartitionedMotion:
             raise SingularError(stuck_message(self.kernels, t, h))
         return stages[:-1], stages[-1]
 
-    def _in_better_coordinates(self, stage: PartitionedStage) -> PartitionedStage | None:
+    def _in_better_coordinates(self, stage: PartitionedStage, here: PartitionsAt) -> PartitionedStage | None:
         """The same instant on other independent coordinates, where there are clearly better ones."""
-        at, present = StepStart(stage.t, stage.q, stage.qd, stage.p), Partitions(stage.partition, stage.partition)
-        better = better_partitions(self.kernels, present, stage.q, stage.t, stage.p)
+        at, better = StepStart(stage.t, stage.q, stage.qd, stage.p), here.better(Partitions(stage.partition, stage.partition))
         if better is None:
             return None
         independent = better.position.independent
         return self._stage_at(better.position, at, stage.t, np.concatenate([stage.qd[independent], stage.q[independent]]), stage.p)
 
-    def _quality(self, stage: PartitionedStage) -> float:
-        return quality(self.kernels, stage.partition, stage.q, stage.t, stage.p)
+    def _here(self, stage: PartitionedStage) -> PartitionsAt:
+        """The partitions at the position of a stage."""
+        return PartitionsAt(self.kernels, stage.q, stage.t, stage.p)
 
     def _stage_at(self, partition: Partition, guess: StepStart, t: float, y: np.ndarray, p: np.ndarray) -> PartitionedStage:
         return PartitionedStage(self.kernels, partition, guess, t, y, p)
@@ -271,13 +271,13 @@ class PartitionedMotion:
         """p with the inputs of a time inside a step that began at another one."""
         return self.signals.begun_at(begun)(t, self.p) if self.signals else self.p
 
-    def _keep(self, stage: PartitionedStage) -> None:
-        self._check_regularity(stage)
+    def _keep(self, stage: PartitionedStage, here: PartitionsAt) -> None:
+        self._check_regularity(stage, here)
         self._q.append(stage.q)
         self._qd.append(stage.qd)
 
-    def _check_regularity(self, stage: PartitionedStage) -> None:
-        if regularity(self.kernels, stage.partition, stage.q, stage.t, self.p) < LEAST_REGULARITY:
+    def _check_regularity(self, stage: PartitionedStage, here: PartitionsAt) -> None:
+        if here.regularity(stage.partition) < LEAST_REGULARITY:
             names = ", ".join(stage.partition.names(self.kernels))
             raise ModelError(
                 f"{names} do not determine the motion any more at t = {stage.t:.6g} s; "
@@ -320,7 +320,7 @@ class TrapezoidalMotion(PartitionedMotion):
         """That of the run at an end of a step which began at a time (s)."""
         independent, q, qd = self.partition.independent, self._run_q[k], self._run_qd[k]
         stage = self._stage_at(self.partition, guess, t, np.concatenate([qd[independent], q[independent]]), self._present(begun, t))
-        self._check_regularity(stage)
+        self._check_regularity(stage, self._here(stage))
         return stage
 
     def _check_step(self, before: PartitionedStage, after: PartitionedStage, h: float) -> None:

@@ -16,7 +16,7 @@ from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.positions.branches import refresh_branches, rule_of
 from ncgen.solver.positions.described_position import found_in_described, is_described
 from ncgen.solver.positions.open_tree import open_tree
-from ncgen.solver.positions.partition import Partitions, better_partitions, determined, stuck_message, worth
+from ncgen.solver.positions.partition import Partitions, PartitionsAt, determined, stuck_message
 from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
@@ -264,11 +264,12 @@ def _better(
     kernels: Kernels, partitions: Partitions, used_partitions: list[Partitions], q: np.ndarray, t: float, p: np.ndarray
 ) -> Partitions:
     """The best partition at q if it is clearly better than the present one; one used before in this run if it will do."""
-    best = better_partitions(kernels, partitions, q, t, p)
+    here = PartitionsAt(kernels, q, t, p)
+    best = here.better(partitions)
     if best is None:
         return partitions
-    known = max(used_partitions, key=lambda used: worth(kernels, used, q, t, p))
-    if worth(kernels, known, q, t, p) >= REUSE * worth(kernels, best, q, t, p):
+    known = max(used_partitions, key=here.worth)
+    if here.worth(known) >= REUSE * here.worth(best):
         return known
     used_partitions.append(best)
     return best

@@ -25,7 +25,7 @@ from ncgen.solver.formalisms.projection import project
 from ncgen.solver.integrators.shared_tolerance import sharing
 from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.partition import DEGRADED, better_partitions, determined, stuck_message, worth
+from ncgen.solver.positions.partition import DEGRADED, PartitionsAt, determined, stuck_message
 from ncgen.solver.positions.rank import scaled_jacobian
 from ncgen.solver.positions.row_choice import counting_rows, largest_share
 from ncgen.solver.runs.path import Path
@@ -264,7 +264,7 @@ class Independent(ReferenceRun):
         rates = self.task.velocities if qd is None else qd[self.partitions.velocity.independent]
         motion = motion_at(self.kernels, self.partitions.velocity, t, q, rates, self.p)
         self.start = StepStart(t, motion.q, motion.qd, self.p)
-        self.chosen_with = self._worth()
+        self.chosen_with = self._here().worth(self.partitions)
         return motion.q, motion.qd
 
     @property
@@ -289,13 +289,15 @@ class Independent(ReferenceRun):
     def accept(self, solver: OdeSolver, state: State) -> OdeSolver:
         q, qd, _ = state
         self.start = StepStart(float(solver.t), q, qd, self.p)
-        if solver.status == "running" and self._worth() <= DEGRADED * self.chosen_with and self._chose_others():
-            return self.fresh(self.start.t, state)
+        if solver.status == "running":
+            here = self._here()
+            if here.worth(self.partitions) <= DEGRADED * self.chosen_with and self._chose_others(here):
+                return self.fresh(self.start.t, state)
         return solver
 
     def stuck(self, error: NcgenError, t: float, is_last: bool) -> NcgenError | None:
         if not is_last:
-            self._chose_others()
+            self._chose_others(self._here())
             return None
         return error if isinstance(error, DomainError) else type(error)(stuck_message(self.kernels, t, self.task.step))
 
@@ -315,17 +317,16 @@ class Independent(ReferenceRun):
             )
         return now
 
-    def _worth(self) -> float:
-        """Of the independent coordinates at the start of a step."""
-        return worth(self.kernels, self.partitions, self.start.q, self.start.t, self.start.p)
+    def _here(self) -> PartitionsAt:
+        """The partitions at the start of a step."""
+        return PartitionsAt(self.kernels, self.start.q, self.start.t, self.start.p)
 
-    def _chose_others(self) -> bool:
+    def _chose_others(self, here: PartitionsAt) -> bool:
         """Change to other independent coordinates for the same state where there are clearly better ones. Where no choice is good, the
         steps will show whether the motion can go on."""
-        other = better_partitions(self.kernels, self.partitions, self.start.q, self.start.t, self.start.p)
+        other = here.better(self.partitions)
         if other is None:
             return False
-        self.partitions = other
-        self.chosen_with = self._worth()
+        self.partitions, self.chosen_with = other, here.worth(other)
         self.changes += 1
         return True

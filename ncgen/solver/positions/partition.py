@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -78,53 +79,8 @@ def choose_partitions(
     independent: tuple[str, ...] = (),
     rows: np.ndarray | None = None,
 ) -> Partitions:
-    """Well-conditioned partitions at q; arguments and errors as for `choose_partition`."""
-    if len(kernels.holonomic) == kernels.m:
-        both = choose_partition(kernels, q, t, p, independent, rows)
-        return Partitions(both, both)
-    velocity = choose_partition(kernels, q, t, p, independent, rows)
-    kept = np.array([r for r in velocity.rows if r in set(kernels.holonomic)], dtype=int)
-    return Partitions(choose_partition(kernels, q, t, p, velocity.names(kernels), kept), velocity)
-
-
-def partitions_for(
-    kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: Sequence[str] = (), rates: Iterable[str] = ()
-) -> Partitions:
-    """Partitions at q on the coordinates that were asked for, z, else those that the model names, else those whose rates are given by name,
-    if they determine the position. Arguments and errors as for `choose_partition`."""
-    wanted = tuple(z or kernels.model.chosen_independent)
-    if not wanted and (named := tuple(rates)):
-        try:
-            return choose_partitions(kernels, q, t, p, named)
-        except (ModelError, SingularError):  # whoever needs these rates says which is not independent
-            pass
-    return choose_partitions(kernels, q, t, p, wanted)
-
-
-def other_partitions(kernels: Kernels, present: Partitions, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> Partitions:
-    """The best partitions at q of a motion that runs on others: other coordinates, and of redundant rows others too.
-
-    Rows that represent all of them at one position may degenerate on the way (Bennett's linkage does this to them).
-    With rolling conditions the kept rows stay. Raises SingularError if q is singular.
-    """
-    rows = present.velocity.rows
-    if len(rows) < kernels.m == len(kernels.holonomic):
-        rows = best_rows(scaled_jacobian(kernels, q, t, p), len(rows))
-    return choose_partitions(kernels, q, t, p, rows=rows)
-
-
-def worth(kernels: Kernels, partitions: Partitions, q: np.ndarray, t: float, p: np.ndarray) -> float:
-    """The quality at q of the worse of two partitions."""
-    return min(quality(kernels, partition, q, t, p) for partition in {partitions.position, partitions.velocity})
-
-
-def better_partitions(kernels: Kernels, present: Partitions, q: np.ndarray, t: float, p: np.ndarray) -> Partitions | None:
-    """The best partitions at q; None where they are not clearly better than the present ones, or no choice is good."""
-    try:
-        best = other_partitions(kernels, present, q, t, p)
-    except SingularError:
-        return None
-    return best if worth(kernels, best, q, t, p) >= MIN_GAIN * worth(kernels, present, q, t, p) else None
+    """Well-conditioned partitions at q; arguments and errors as for `PartitionsAt.choose`."""
+    return PartitionsAt(kernels, q, t, p).choose_both(independent, rows)
 
 
 def choose_partition(
@@ -135,36 +91,142 @@ def choose_partition(
     independent: tuple[str, ...] = (),
     rows: np.ndarray | None = None,
 ) -> Partition:
-    """A partition that is well conditioned at q.
+    """A partition that is well conditioned at q; arguments and errors as for `PartitionsAt.choose`."""
+    return PartitionsAt(kernels, q, t, p).choose(independent, rows)
 
-    independent: coordinates the user wants independent; those that fit are taken, the rest is found by pivoting
-    rows: kept rows, if known (default: found by rank at several positions)
-    Raises SingularError if q is singular, ModelError if the wanted coordinates do not determine the position.
-    """
-    if rows is None:
-        mobility = freedom(kernels, q, t, p)
-        if mobility.is_singular:
-            raise SingularError(singular_message(kernels, mobility))
-        rows = np.array(mobility.kept_rows, dtype=int)
-    wanted = [_position(kernels, name) for name in independent]
-    if kernels.m == len(rows) >= DENSE and (measured := _measured(kernels, wanted)):
-        return Partition(rows, np.setdiff1d(np.arange(kernels.n), measured), np.array(measured))
-    jacobian = scaled_jacobian(kernels, q, t, p)[rows]
-    count = len(rows)
-    if len(wanted) > kernels.n - count:
-        raise ModelError(
-            f"{counted(len(wanted), 'independent coordinate')} chosen, but the mechanism has "
-            f"{counted(kernels.n - count, 'degree of freedom')}; leave some out"
-        )
-    # The last ones come first here, so that of two that serve equally well the first one stays independent.
-    others = np.array([i for i in reversed(range(kernels.n)) if i not in set(wanted)], dtype=int)
-    pivots = column_order(jacobian[:, others]) if 0 < count < len(others) else np.arange(len(others))
-    dependent = np.sort(others[pivots[:count]])
-    partition = Partition(rows, dependent, np.array(wanted + sorted(set(others[pivots[count:]].tolist())), dtype=int))
-    if regularity(kernels, partition, q, t, p) < MIN_REGULARITY:
-        names = ", ".join(independent) or "the coordinates"
-        raise SingularError(f"{names} do not determine the position here: the partition is singular; choose other independent coordinates")
-    return partition
+
+def partitions_for(
+    kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: Sequence[str] = (), rates: Iterable[str] = ()
+) -> Partitions:
+    """Partitions at q on the coordinates that were asked for, z, else those that the model names, else those whose rates are given by name,
+    if they determine the position. Arguments and errors as for `PartitionsAt.choose`."""
+    wanted = tuple(z or kernels.model.chosen_independent)
+    if not wanted and (named := tuple(rates)):
+        try:
+            return choose_partitions(kernels, q, t, p, named)
+        except (ModelError, SingularError):  # whoever needs these rates says which is not independent
+            pass
+    return choose_partitions(kernels, q, t, p, wanted)
+
+
+class PartitionsAt:
+    """The partitions at one position: which are good, and how good they are. What they share there is computed once."""
+
+    def __init__(self, kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> None:
+        self.kernels, self.q, self.t, self.p = kernels, q, t, p
+        self._by_rows: dict[bytes, tuple[np.ndarray, float]] = {}
+        self._by_partition: dict[Partition, float] = {}
+
+    @cached_property
+    def jacobian(self) -> np.ndarray:
+        """Φ_q of all rows, scaled."""
+        return scaled_jacobian(self.kernels, self.q, self.t, self.p)
+
+    @cached_property
+    def singular_values(self) -> np.ndarray:
+        """Those of `jacobian`."""
+        return singular_values(self.jacobian)
+
+    # -- choices ------------------------------------------------------------------------------
+
+    def choose_both(self, independent: tuple[str, ...] = (), rows: np.ndarray | None = None) -> Partitions:
+        """Well-conditioned partitions for positions and velocities; arguments and errors as for `choose`."""
+        kernels, velocity = self.kernels, self.choose(independent, rows)
+        if len(kernels.holonomic) == kernels.m:
+            return Partitions(velocity, velocity)
+        kept = np.array([r for r in velocity.rows if r in set(kernels.holonomic)], dtype=int)
+        return Partitions(self.choose(velocity.names(kernels), kept), velocity)
+
+    def choose(self, independent: tuple[str, ...] = (), rows: np.ndarray | None = None) -> Partition:
+        """A partition that is well conditioned here.
+
+        independent: coordinates the user wants independent; those that fit are taken, the rest is found by pivoting
+        rows: kept rows, if known (default: found by rank at several positions)
+        Raises SingularError if the position is singular, ModelError if the wanted coordinates do not determine it.
+        """
+        kernels = self.kernels
+        if rows is None:
+            mobility = freedom(kernels, self.q, self.t, self.p)
+            if mobility.is_singular:
+                raise SingularError(singular_message(kernels, mobility))
+            rows = np.array(mobility.kept_rows, dtype=int)
+        wanted = [_position(kernels, name) for name in independent]
+        if kernels.m == len(rows) >= DENSE and (measured := _measured(kernels, wanted)):
+            return Partition(rows, np.setdiff1d(np.arange(kernels.n), measured), np.array(measured))
+        count = len(rows)
+        if len(wanted) > kernels.n - count:
+            raise ModelError(
+                f"{counted(len(wanted), 'independent coordinate')} chosen, but the mechanism has "
+                f"{counted(kernels.n - count, 'degree of freedom')}; leave some out"
+            )
+        # The last ones come first here, so that of two that serve equally well the first one stays independent.
+        others = np.array([i for i in reversed(range(kernels.n)) if i not in set(wanted)], dtype=int)
+        pivots = column_order(self.jacobian[np.ix_(rows, others)]) if 0 < count < len(others) else np.arange(len(others))
+        dependent = np.sort(others[pivots[:count]])
+        partition = Partition(rows, dependent, np.array(wanted + sorted(set(others[pivots[count:]].tolist())), dtype=int))
+        if self.regularity(partition) < MIN_REGULARITY:
+            names = ", ".join(independent) or "the coordinates"
+            raise SingularError(
+                f"{names} do not determine the position here: the partition is singular; choose other independent coordinates"
+            )
+        return partition
+
+    def others(self, present: Partitions) -> Partitions:
+        """The best partitions here of a motion that runs on others: other coordinates, and of redundant rows others too.
+
+        Rows that represent all of them at one position may degenerate on the way (Bennett's linkage does this to them).
+        With rolling conditions the kept rows stay. Raises SingularError if the position is singular.
+        """
+        rows = present.velocity.rows
+        if len(rows) < self.kernels.m == len(self.kernels.holonomic):
+            rows = best_rows(self.jacobian, len(rows))
+        return self.choose_both(rows=rows)
+
+    def better(self, present: Partitions) -> Partitions | None:
+        """The best partitions here; None where they are not clearly better than the present ones, or no choice is good."""
+        try:
+            best = self.others(present)
+        except SingularError:
+            return None
+        return best if self.worth(best) >= MIN_GAIN * self.worth(present) else None
+
+    # -- how good they are --------------------------------------------------------------------
+
+    def worth(self, partitions: Partitions) -> float:
+        """The quality of the worse of two partitions."""
+        return min(self.quality(partition) for partition in {partitions.position, partitions.velocity})
+
+    def quality(self, partition: Partition) -> float:
+        """How little errors of the independent coordinates grow in all others: 1/‖R‖ in natural sizes, times how far the kept rows are
+        from dependent next to all rows. 0 is singular, 1 is best.
+
+        With an orthonormal basis in the place of the rows of Φ_q, the least singular value of the dependent columns is 1/‖R‖. That of
+        Φ_q^d itself is at most the least one of Φ_q, which may be small whatever the choice is.
+        """
+        if not len(partition.rows):
+            return 1.0
+        if partition not in self._by_partition:
+            basis, fraction = self._kept(partition.rows)
+            self._by_partition[partition] = fraction * float(singular_values(basis[partition.dependent])[-1])
+        return self._by_partition[partition]
+
+    def _kept(self, rows: np.ndarray) -> tuple[np.ndarray, float]:
+        """An orthonormal basis of kept rows, in columns, and how far they are from dependent next to all rows."""
+        key = rows.tobytes()
+        if key not in self._by_rows:
+            kept, fraction = self.jacobian[rows], 1.0
+            if len(kept) < len(self.jacobian):
+                fraction = float(singular_values(kept)[-1] / max(self.singular_values[len(kept) - 1], 1e-300))
+            self._by_rows[key] = np.linalg.qr(kept.T)[0], fraction
+        return self._by_rows[key]
+
+    def regularity(self, partition: Partition) -> float:
+        """Smallest singular value of the scaled Φ_q^d over the norm of Φ_q: 0 where the partition or the position is singular."""
+        if not len(partition.rows):
+            return 1.0
+        jacobian = self.jacobian[partition.rows]
+        smallest = singular_values(jacobian[:, partition.dependent])[-1]
+        return float(smallest / max(np.linalg.norm(jacobian), 1e-300))
 
 
 def _measured(kernels: Kernels, wanted: list[int]) -> list[int]:
@@ -181,33 +243,6 @@ def _position(kernels: Kernels, name: str) -> int:
     if name not in kernels.index:
         raise ModelError(f"independent coordinate {name}: {kernels.name} has no such free coordinate")
     return kernels.index[name]
-
-
-def quality(kernels: Kernels, partition: Partition, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> float:
-    """How little errors of the independent coordinates grow in all others: 1/‖R‖ in natural sizes, times how far the kept rows are from
-    dependent next to all rows. 0 is singular, 1 is best.
-
-    With an orthonormal basis in the place of the rows of Φ_q, the least singular value of the dependent columns is 1/‖R‖. That of Φ_q^d
-    itself is at most the least one of Φ_q, which may be small whatever the choice is.
-    """
-    if not len(partition.rows):
-        return 1.0
-    jacobian = scaled_jacobian(kernels, q, t, p)
-    kept = jacobian[partition.rows]
-    basis = np.linalg.qr(kept.T)[0]
-    smallest = singular_values(basis[partition.dependent])[-1]
-    if len(kept) < len(jacobian):
-        smallest *= singular_values(kept)[-1] / max(singular_values(jacobian)[len(kept) - 1], 1e-300)
-    return float(smallest)
-
-
-def regularity(kernels: Kernels, partition: Partition, q: np.ndarray, t: float, p: np.ndarray | None) -> float:
-    """Smallest singular value of the scaled Φ_q^d over the norm of Φ_q: 0 where the partition or the position is singular."""
-    if not len(partition.rows):
-        return 1.0
-    jacobian = scaled_jacobian(kernels, q, t, p)[partition.rows]
-    smallest = singular_values(jacobian[:, partition.dependent])[-1]
-    return float(smallest / max(np.linalg.norm(jacobian), 1e-300))
 
 
 def singular_message(kernels: Kernels, mobility: Freedom) -> str:

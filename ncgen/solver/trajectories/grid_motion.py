@@ -14,7 +14,7 @@ from ncgen.solver.formalisms import accelerations_of
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.partition import Partitions, choose_partitions, determined, other_partitions, quality
+from ncgen.solver.positions.partition import Partitions, PartitionsAt, choose_partitions, determined
 from ncgen.solver.trajectories.happening import Happening
 
 if TYPE_CHECKING:
@@ -110,9 +110,9 @@ class GridMotion:
         if formalism.is_constrained:
             return accelerations_of(formalism).motion(kernels, q, qd, t, p, self.options)
         present = determined(self.partitions)
-        partition = present.velocity
-        if quality(kernels, partition, q, t, p) < CONDITION:
-            partition = other_partitions(kernels, present, q, t, p).velocity
+        partition, here = present.velocity, PartitionsAt(kernels, q, t, p)
+        if here.quality(partition) < CONDITION:
+            partition = here.others(present).velocity
         return motion_at(kernels, partition, t, q, qd[partition.independent], p)
 
     @cached_property

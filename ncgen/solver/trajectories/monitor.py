@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError, SingularError, counted
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.singular_values import singular_values
 from ncgen.solver.argument_checks import names_of
-from ncgen.solver.positions.partition import Partition, choose_partition, quality
+from ncgen.solver.positions.partition import Partition, PartitionsAt, choose_partition
 from ncgen.solver.positions.position import residual
-from ncgen.solver.positions.rank import best_rows, freedom, scaled_jacobian
+from ncgen.solver.positions.rank import best_rows, freedom
 from ncgen.solver.trajectories.energy import energies
 
 NEARLY_SINGULAR = 1e-3
@@ -123,15 +122,15 @@ def _one(
     kernels: Kernels, rank: int, chosen: tuple[str, ...], t: float, q: np.ndarray, p: np.ndarray | None
 ) -> tuple[float, float, float, float]:
     """σ, quality, best quality and violation of one instant."""
-    jacobian = scaled_jacobian(kernels, q, t, p)
-    values = singular_values(jacobian)
+    here = PartitionsAt(kernels, q, t, p)
+    values = here.singular_values
     sigma = values[rank - 1] / max(values[0], 1e-300) if rank else 1.0
-    kept = best_rows(jacobian, rank) if rank else np.arange(0)
+    kept = best_rows(here.jacobian, rank) if rank else np.arange(0)
     independent = np.array([kernels.index[name] for name in chosen], dtype=int)
     partition = Partition(kept, np.setdiff1d(np.arange(kernels.n), independent), independent)
-    now = quality(kernels, partition, q, t, p)
+    now = here.quality(partition)
     try:
-        best = quality(kernels, choose_partition(kernels, q, t, p, rows=kept), q, t, p)
+        best = here.quality(here.choose(rows=kept))
     except SingularError:
         best = now
     return float(sigma), now, max(best, now), residual(kernels, q, t, p)
