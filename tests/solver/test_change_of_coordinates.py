@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
 import ncgen
 from ncgen import Model
+from ncgen.solver.positions import partition as choices
 from ncgen.solver.positions.partition import Partition, PartitionsAt, choose_partitions
+from ncgen.solver.positions.partition_watch import PartitionWatch
 
 TURN, RATE, DURATION = 2.5, 3.0, 2.0
 """The angle (rad) at the start of a free pendulum of 1 m, its rate (rad/s), and the length of the motion (s): a whole turn, nearly."""
@@ -36,14 +40,69 @@ def kernels(request):
     return ncgen.compile(free_pendulum(1e-5), backend=request.param)
 
 
+@pytest.fixture
+def counted(monkeypatch):
+    """How often coordinates were chosen, and rows differentiated, for partitions."""
+    counts = Counter()
+
+    def watch(name):
+        function = getattr(choices, name)
+
+        def counting(*arguments):
+            counts[name] += 1
+            return function(*arguments)
+
+        monkeypatch.setattr(choices, name, counting)
+
+    watch("column_order")
+    watch("scaled_jacobian")
+    return counts
+
+
+def pendulum_at(kernels, angle):
+    """The partitions where the free pendulum is at an angle (rad)."""
+    q = np.zeros(kernels.n)
+    q[[kernels.index["B.x"], kernels.index["B.y"]]] = np.cos(angle), np.sin(angle)
+    return PartitionsAt(kernels, q)
+
+
 @pytest.mark.parametrize("angle", [0.3, 1e-3])
 def test_quality_is_one_over_the_growth_of_errors(kernels, angle):
     """With x alone independent, R = [1; −x/y; 0] on the unit circle, so 1/‖R‖ = |y|; the other row says nothing of it."""
     i = kernels.index
-    q = np.zeros(kernels.n)
-    q[[i["B.x"], i["B.y"]]] = np.cos(angle), np.sin(angle)
     partition = Partition(np.arange(2), np.sort([i["B.y"], i["C.x"]]), np.array([i["B.x"]]))
-    assert PartitionsAt(kernels, q).quality(partition) == pytest.approx(np.sin(angle), rel=1e-9)
+    assert pendulum_at(kernels, angle).quality(partition) == pytest.approx(np.sin(angle), rel=1e-9)
+
+
+def test_others_are_looked_for_where_the_present_ones_are_bad(kernels, counted):
+    """The quality is |y| with x independent, and |x| with y: both are 0.71 at π/4, where looking for others finds nothing better."""
+    above = pendulum_at(kernels, np.pi / 2)
+    x = above.choose_both()
+    assert x.position.names(kernels) == ("B.x",)
+    watch, found, begun = PartitionWatch(above, x), [], counted["column_order"]
+    for degrees in (60, 44, 43, 38, 32, 90, 46, 44, 30):
+        better = watch.better(pendulum_at(kernels, np.radians(degrees)), x)
+        found.append((counted["column_order"] - begun, better and better.position.names(kernels)))
+    assert found == [(0, None), *[(1, None)] * 6, (2, None), (3, ("B.y",))]
+
+
+def test_what_partitions_share_is_computed_once(kernels, counted):
+    x = pendulum_at(kernels, np.pi / 2).choose_both()
+    counted.clear()
+    here = pendulum_at(kernels, 0.3)
+    better, possible = here.better(x)
+    assert (here.worth(x), here.worth(better), possible) == pytest.approx((np.sin(0.3), np.cos(0.3), np.cos(0.3)))
+    assert counted == {"column_order": 1, "scaled_jacobian": 1}
+
+
+def test_a_run_looks_for_others_twice(counted):
+    """It begins with y, whose quality |x| is 1 there. From 0.7 on y is bad, but x is clearly better only after eight more steps."""
+    kernels = ncgen.compile(free_pendulum(1e-5), backend="c")
+    start = {"q0": {"B.x": -1.0, "B.y": 0.0}, "zd0": {"B.y": -RATE}, "z": ("B.y",)}
+    counted.clear()
+    run = ncgen.simulate(kernels, 0.5, formalism="coordinate-partitioning", integrator="lsoda", max_step=0.005, **start)
+    assert run.statistics.partition_changes == 1
+    assert counted["column_order"] == 2
 
 
 def test_a_run_changes_them(kernels):

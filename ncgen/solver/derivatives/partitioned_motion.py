@@ -23,14 +23,8 @@ from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.derivatives.partitioned_stage import PartitionedStage
 from ncgen.solver.finite import watched
 from ncgen.solver.formalisms.coordinate_partitioning import StepStart
-from ncgen.solver.positions.partition import (
-    DEGRADED,
-    Partition,
-    Partitions,
-    PartitionsAt,
-    determined,
-    stuck_message,
-)
+from ncgen.solver.positions.partition import Partition, Partitions, PartitionsAt, determined, stuck_message
+from ncgen.solver.positions.partition_watch import PartitionWatch
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.start import begin
@@ -218,19 +212,18 @@ class PartitionedMotion:
         begin = StepStart(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         first = self._stage_at(self.partition, begin, self._ends[0], self.y0, self._present(self._ends[0], self._ends[0]))
         here = self._here(first)
-        chosen_with = here.quality(first.partition)
+        watch = PartitionWatch(here, first.partitions)
         for k, h in enumerate(np.diff(self._ends)):
-            is_degraded = here.quality(first.partition) <= DEGRADED * chosen_with
-            other = self._in_better_coordinates(first, here) if is_degraded else None
+            other = self._stage_of_others(first, watch.better(here, first.partitions))
             try:
                 stages, following = self._step(other or first, h)
             except (ConvergenceError, SingularError):
-                other = None if other else self._in_better_coordinates(first, here)
+                other = None if other else self._stage_of_others(first, watch.search(here, first.partitions))
                 if other is None:
                     raise
                 stages, following = self._step(other, h)
             if other:
-                self._changed[k], chosen_with = first, here.quality(other.partition)
+                self._changed[k] = first
             self._keep(stages[0], here)
             yield stages
             first, here = following, self._here(following)
@@ -252,12 +245,11 @@ class PartitionedMotion:
             raise SingularError(stuck_message(self.kernels, t, h))
         return stages[:-1], stages[-1]
 
-    def _in_better_coordinates(self, stage: PartitionedStage, here: PartitionsAt) -> PartitionedStage | None:
-        """The same instant on other independent coordinates, where there are clearly better ones."""
-        at, better = StepStart(stage.t, stage.q, stage.qd, stage.p), here.better(Partitions(stage.partition, stage.partition))
+    def _stage_of_others(self, stage: PartitionedStage, better: Partitions | None) -> PartitionedStage | None:
+        """The same instant on other independent coordinates, where there are better ones."""
         if better is None:
             return None
-        independent = better.position.independent
+        at, independent = StepStart(stage.t, stage.q, stage.qd, stage.p), better.position.independent
         return self._stage_at(better.position, at, stage.t, np.concatenate([stage.qd[independent], stage.q[independent]]), stage.p)
 
     def _here(self, stage: PartitionedStage) -> PartitionsAt:

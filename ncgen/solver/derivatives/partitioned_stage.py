@@ -12,7 +12,7 @@ from scipy.linalg import cho_factor, cho_solve
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.solver.formalisms.coordinate_partitioning import StepStart, dependent_position, motion_at
-from ncgen.solver.positions.partition import Kinematics, Partition, kinematics
+from ncgen.solver.positions.partition import Kinematics, Partition, Partitions, kinematics
 
 TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "phidd_p", "balance_p")
 
@@ -40,6 +40,11 @@ class PartitionedStage:
         now = motion_at(kernels, partition, t, self.q, y[:nz], p)
         self.qd, self.qdd, self.lam, self.orientation = now.qd, now.qdd, now.lam, now.orientation
         self.slope = np.concatenate([now.qdd[partition.independent], y[:nz]])
+
+    @property
+    def partitions(self) -> Partitions:
+        """The partition, for positions and velocities."""
+        return Partitions(self.partition, self.partition)
 
     def _linearise(self) -> None:
         """The factors and the tangents, when they are first needed."""

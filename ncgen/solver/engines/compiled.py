@@ -265,11 +265,11 @@ def _better(
 ) -> Partitions:
     """The best partition at q if it is clearly better than the present one; one used before in this run if it will do."""
     here = PartitionsAt(kernels, q, t, p)
-    best = here.better(partitions)
+    best, possible = here.better(partitions)
     if best is None:
         return partitions
     known = max(used_partitions, key=here.worth)
-    if here.worth(known) >= REUSE * here.worth(best):
+    if here.worth(known) >= REUSE * possible:
         return known
     used_partitions.append(best)
     return best

@@ -25,7 +25,8 @@ from ncgen.solver.formalisms.projection import project
 from ncgen.solver.integrators.shared_tolerance import sharing
 from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.partition import DEGRADED, PartitionsAt, determined, stuck_message
+from ncgen.solver.positions.partition import Partitions, PartitionsAt, determined, stuck_message
+from ncgen.solver.positions.partition_watch import PartitionWatch
 from ncgen.solver.positions.rank import scaled_jacobian
 from ncgen.solver.positions.row_choice import counting_rows, largest_share
 from ncgen.solver.runs.path import Path
@@ -264,7 +265,7 @@ class Independent(ReferenceRun):
         rates = self.task.velocities if qd is None else qd[self.partitions.velocity.independent]
         motion = motion_at(self.kernels, self.partitions.velocity, t, q, rates, self.p)
         self.start = StepStart(t, motion.q, motion.qd, self.p)
-        self.chosen_with = self._here().worth(self.partitions)
+        self.watch = PartitionWatch(self._here(), self.partitions)
         return motion.q, motion.qd
 
     @property
@@ -289,15 +290,13 @@ class Independent(ReferenceRun):
     def accept(self, solver: OdeSolver, state: State) -> OdeSolver:
         q, qd, _ = state
         self.start = StepStart(float(solver.t), q, qd, self.p)
-        if solver.status == "running":
-            here = self._here()
-            if here.worth(self.partitions) <= DEGRADED * self.chosen_with and self._chose_others(here):
-                return self.fresh(self.start.t, state)
+        if solver.status == "running" and self._change_to(self.watch.better(self._here(), self.partitions)):
+            return self.fresh(self.start.t, state)
         return solver
 
     def stuck(self, error: NcgenError, t: float, is_last: bool) -> NcgenError | None:
         if not is_last:
-            self._chose_others(self._here())
+            self._change_to(self.watch.search(self._here(), self.partitions))
             return None
         return error if isinstance(error, DomainError) else type(error)(stuck_message(self.kernels, t, self.task.step))
 
@@ -321,12 +320,11 @@ class Independent(ReferenceRun):
         """The partitions at the start of a step."""
         return PartitionsAt(self.kernels, self.start.q, self.start.t, self.start.p)
 
-    def _chose_others(self, here: PartitionsAt) -> bool:
-        """Change to other independent coordinates for the same state where there are clearly better ones. Where no choice is good, the
+    def _change_to(self, better: Partitions | None) -> bool:
+        """Go on with other independent coordinates for the same state where there are clearly better ones. Where no choice is good, the
         steps will show whether the motion can go on."""
-        other = here.better(self.partitions)
-        if other is None:
+        if better is None:
             return False
-        self.partitions, self.chosen_with = other, here.worth(other)
+        self.partitions = better
         self.changes += 1
         return True

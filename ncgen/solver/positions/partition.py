@@ -28,10 +28,6 @@ Factors: TypeAlias = tuple[np.ndarray, np.ndarray] | tuple[()]
 MIN_REGULARITY = 1e-7
 """A partition of lower regularity is refused."""
 
-DEGRADED = 0.7
-"""Other independent coordinates are looked for when the quality falls below this fraction of what it was when chosen: late changes
-cost more in short steps than early ones in restarts."""
-
 MIN_GAIN = 1.3
 """A new partition must be better by this factor to be worth a change."""
 
@@ -182,13 +178,17 @@ class PartitionsAt:
             rows = best_rows(self.jacobian, len(rows))
         return self.choose_both(rows=rows)
 
-    def better(self, present: Partitions) -> Partitions | None:
-        """The best partitions here; None where they are not clearly better than the present ones, or no choice is good."""
+    def better(self, present: Partitions) -> tuple[Partitions | None, float]:
+        """The best partitions here, None where they are not clearly better than the present ones, or no choice is good; and the quality of
+        the better of both.
+        """
+        quality = self.worth(present)
         try:
             best = self.others(present)
         except SingularError:
-            return None
-        return best if self.worth(best) >= MIN_GAIN * self.worth(present) else None
+            return None, quality
+        possible = self.worth(best)
+        return best if possible >= MIN_GAIN * quality else None, max(possible, quality)
 
     # -- how good they are --------------------------------------------------------------------
 
