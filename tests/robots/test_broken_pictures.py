@@ -76,6 +76,7 @@ def mjcf(folder, **parts):
         ({"geom": '<geom name="rod" type="cylinder" size="0.1" fromto="0 0 0 ${a} 1 1"/>'}, "rod"),
         ({"asset": '<texture name="t" type="2d" file="no.png"/><material name="s" texture="t"/>'}, "no.png"),
         ({"asset": '<hfield name="h" file="no.png" size="1 1 1 1"/>'}, "no.png"),
+        ({"asset": '<skin name="s" file="no.skn"/>'}, "no.skn"),
     ],
 )
 def test_mjcf(tmp_path, parts, missing):

@@ -1,4 +1,5 @@
-"""MJCF without the pictures that keep MuJoCo from reading it: meshes and textures that are not there, shapes whose numbers cannot be read.
+"""MJCF without the pictures that keep MuJoCo from reading it: meshes, textures and skins that are not there, shapes whose numbers cannot be
+read.
 
 MuJoCo refuses the whole file for each of them. Where a body has its <inertial>, its dynamics need no shape, so a shape that cannot be read
 becomes a small sphere without mass that is not seen. Where the inertia is that of the shapes the file stays as it is, and is refused.
@@ -78,6 +79,8 @@ class Readable:
                 children.append(_small(child))
             elif child.tag == "mesh" and is_asset and self._is_left_out(child):
                 continue
+            elif child.tag == "skin" and file and self.where(file) is None:
+                self.missing.append(file)
             elif child.tag in PLACEHOLDERS and is_asset and file and self.where(file) is None:
                 self.missing.append(file)
                 kept = {key: text for key, text in child.attributes.items() if key != "file"}
