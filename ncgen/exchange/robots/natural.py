@@ -178,8 +178,7 @@ class _Builder:
         elements = [self.elements[planned] for planned in solid.planned]
         points = [e for e in elements if isinstance(e, Point)]
         vectors = [e for e in elements if isinstance(e, Vector)]
-        taken = {self.model.ground.name, *self.model.bodies}
-        name = numbered(word(solid.name, "link"), taken.__contains__)
+        name = numbered(word(solid.name, "link"), lambda name: name in self.model.bodies or name == self.model.ground.name)
         tensor, as_given = _tensor(mass, self.layout.size).tolist() if mass else [], self._as_given(solid.name)
         with _labelled_errors(link.where, link):
             basis, shift = None, self.shifts.get(solid.name)

@@ -34,7 +34,7 @@ def tables_of(tree: OpenTree) -> TreeTables:
     """As C reads them."""
     links, screws, coupled = range(len(tree.tree.links)), range(len(tree.screws)), tree.coupled
     per_link = np.bincount(tree.home, minlength=len(links)) if tree.home else np.zeros(len(links), dtype=int)
-    members = [_members(tree, link) for link in links]
+    members = _members(tree)
     meters = {k: number for number, (k, _) in enumerate(tree.measured.values())}
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
@@ -110,13 +110,13 @@ def _is_point(tree: OpenTree, element: int) -> float:
     return float(isinstance(tree.elements[element], Point))
 
 
-def _members(tree: OpenTree, link: int) -> list[int | None]:
-    """Elements between which a link's body has mass that is the same along all axes, without the reference point; at least
+def _members(tree: OpenTree) -> list[list[int | None]]:
+    """Of every link, elements between which its body has mass that is the same along all axes, without the reference point; at least
     LEAST_MEMBERS, of which None is the reference point without mass."""
-    elements = sorted(
-        {e for pair in tree.masses.pairs if pair[0] == link for e in pair[1:3] if tree.components[e] != tree.references[link]}
-    )
-    return [*elements, *[None] * (LEAST_MEMBERS - len(elements))]
+    elements: list[set[int]] = [set() for _ in tree.tree.links]
+    for link, a, b, _ in tree.masses.pairs:
+        elements[link] |= {e for e in (a, b) if tree.components[e] != tree.references[link]}
+    return [[*sorted(each), *[None] * (LEAST_MEMBERS - len(each))] for each in elements]
 
 
 def _components(tree: OpenTree, link: int, element: int | None) -> list[int]:
