@@ -20,7 +20,7 @@ from ncgen.model import Model
 from ncgen.model.traced_numbers import Operation, Trace, TracedComparison, computed
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.programs import Programs, TangentPrograms
-from ncgen.symbolic.traced_model import TracedModel, has_structure, told_apart, traced
+from ncgen.symbolic.traced_model import Description, TracedModel, described, has_structure, traced
 from ncgen.toolchain.cache_location import keep, kept
 from ncgen.toolchain.undisturbed import undisturbed
 
@@ -40,13 +40,12 @@ class KeptCode(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Structured:
-    """A mechanism as one of its structure. emission: as of `ncgen.generate`; key: what it is kept under with its numbers, None where
-    nothing tells it from others; digest, numbers, rates: as of `told_apart`; unfit: kinds of which `recall` found what other numbers
-    need."""
+    """A mechanism as one of its structure. emission: as of `ncgen.generate`; key: what it is kept under with its numbers; digest, numbers,
+    rates: as of `Description.told_apart`; unfit: kinds of which `recall` found what other numbers need."""
 
     model: Model
     emission: str
-    key: str | None
+    key: str
     digest: str
     numbers: list[float]
     rates: int
@@ -104,27 +103,22 @@ class Structured:
 
 def structured(model: Model, emission: str) -> Structured | None:
     """A model as one of its structure; None where its numbers are not told from it."""
-    if not has_structure(model):
+    description = described(model) if has_structure(model) else None
+    if description is None:
         return None
-    key = recall.key(model, emission)
-    digest, numbers, rates = _told_apart(model, key)
+    key = recall.key_of_described(description, emission)
+    digest, numbers, rates = _told_apart(description, key)
     if not digest:
         return None
     return Structured(model=model, emission=emission, key=key, digest=digest, numbers=numbers, rates=rates)
 
 
-def _told_apart(model: Model, key: str | None) -> tuple[str, list[float], int]:
-    """What `told_apart` says of a model, from the cache or found now; no digest where it says nothing."""
-
-    def tell() -> tuple[str, list[float], int]:
-        return told_apart(model) or ("", [], 0)
-
-    if key is None:
-        return tell()
+def _told_apart(description: Description, key: str) -> tuple[str, list[float], int]:
+    """What a description tells apart, from the cache or found now; no digest where it tells nothing."""
     named = recall.digest_of(f"{key}\nstructure")
     entry = kept(recall.KIND, named)
     if entry is None:
-        entry = tell()
+        entry = description.told_apart() or ("", [], 0)
         keep(recall.KIND, named, entry, recall.MAX_ENTRY_BYTES)
     digest, numbers, rates = entry
     return digest, numbers, rates

@@ -1,6 +1,7 @@
 """Programs and C source of a model kept in the cache folder, so that a second start neither imports sympy nor derives anything.
 
-The key is the whole model (ncgen.model.digest) and all that makes code of it. What is kept is data, in JSON: reading it runs nothing.
+The key is the whole model (ncgen.symbolic.traced_model) and all that makes code of it. What is kept is data, in JSON: reading it runs
+nothing.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from ncgen.emit.sources import Sources
 from ncgen.mechanism.by_programs import ByPrograms
 from ncgen.mechanism.generator_identity import generator_identity
 from ncgen.model import Model
-from ncgen.model.digest import digest
 from ncgen.model.pieces import Pieces
 from ncgen.model.traced_numbers import Trace, Traced
 from ncgen.program.ir.blocks import Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.programs import Programs, TangentPrograms
 from ncgen.symbolic.numbering import DeferredTerms
+from ncgen.symbolic.traced_model import Description, described
 from ncgen.toolchain.cache_location import Json, keep, kept
 from ncgen.toolchain.undisturbed import undisturbed
 
@@ -50,8 +51,13 @@ JSON_NUMBERS = (int, float)
 
 def key(model: Model, emission: str) -> str | None:
     """What the sources of a model are kept under; None for a model that cannot be told from others."""
-    model_digest = digest(model)
-    return model_digest and digest_of(f"{generator_identity()}\n{emission}\n{model_digest}")
+    description = described(model)
+    return description and key_of_described(description, emission)
+
+
+def key_of_described(description: Description, emission: str) -> str:
+    """The same of a model that has been described."""
+    return digest_of(f"{generator_identity()}\n{emission}\n{description.identity()}")
 
 
 key_of = ByPrograms(lambda programs: key(programs.equations.model, programs.emission))

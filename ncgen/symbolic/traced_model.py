@@ -46,61 +46,82 @@ def has_structure(model: Model) -> bool:
     return not (model.parameters or model.curves)
 
 
-def told_apart(model: Model) -> tuple[str, list[float], int] | None:
-    """The digest of the structure and the numbers of a model that has one, as of `TracedModel`, and the degrees of freedom of its tree of
-    bodies; None where it holds something that has no name and no value, or numbers whose products are no doubles."""
-    walk = _Walk(model.has_separate_numbers, None)
+def described(model: Model) -> Description | None:
+    """What a model was given; None where it holds something that has no name and no value."""
+    description = Description(model, None)
     try:
-        walk.model(model)
-    except (TypeError, OverflowError):
+        description.describe()
+    except TypeError:
         return None
-    return walk.digest(), walk.numbers, walk.rates
+    return description
 
 
 def traced(model: Model) -> TracedModel | None:
-    """The copy of a model, and what `told_apart` says of it."""
+    """The copy of a model, and what its description says of it."""
     trace = Trace()
-    walk = _Walk(model.has_separate_numbers, trace)
+    description = Description(model, trace)
     try:
-        copy = walk.model(model)
+        copy = description.copy()
     except (TypeError, OverflowError):
         return None
-    return TracedModel(copy, trace, walk.digest(), walk.numbers)
+    return TracedModel(copy, trace, description.digest(), description.numbers)
 
 
-class _Walk:
+class Description:
     """What a model consists of, in words; with a trace a copy of it, too.
 
-    words: of the structure; are_separate: whether numbers that are equal are different ones; rates: of the tree of bodies
+    words: of the structure; values: all numbers; numbers: those that are no part of the structure; rates: of the tree of bodies
     """
 
-    def __init__(self, are_separate: bool, trace: Trace | None) -> None:
+    def __init__(self, model: Model, trace: Trace | None) -> None:
         self.words: list[str] = []
+        self.values: list[float] = []
         self.numbers: list[float] = []
         self.rates = 0
-        self._trace = trace
-        self._are_separate = are_separate
+        self._model, self._trace = model, trace
         self._positions: dict[float, int] = {}
         self._copies: dict[object, tuple[int, Any, Any]] = {}
 
     def digest(self) -> str:
+        """Of the words so far, 64 hexadecimal digits."""
         return hashlib.sha256("\n".join(self.words).encode()).hexdigest()
 
-    def model(self, model: Model) -> Model:
-        """A copy of what equations depend on; all else is shared. Without a trace the model itself."""
-        members = {key: value if key in NOT_IN_EQUATIONS else self._copy(value) for key, value in vars(model).items()}
-        bodies = [body for body in model.bodies.values() if body.inertia]
-        inertias = {body.name: self._inertia(standard_inertia(body, model.parameters)) for body in bodies}
-        amounts = self._amounts(amounts_of(model, bodies, (), model.rotors), inertias)
-        self._decisions(model)
-        if self._trace is None:
-            return model
-        copy = object.__new__(type(model))
-        vars(copy).update(members)
+    def identity(self) -> str:
+        """What tells the model from all others, when it has been described."""
+        return f"{self.digest()}\n{' '.join(map(float.hex, self.values))}"
+
+    def told_apart(self) -> tuple[str, list[float], int] | None:
+        """The digest of the structure and the numbers of the model, as of `TracedModel`, and the degrees of freedom of its tree of bodies,
+        when it has been described; None for numbers whose products are no doubles."""
+        try:
+            self._derive()
+        except (TypeError, OverflowError):
+            return None
+        return self.digest(), self.numbers, self.rates
+
+    def copy(self) -> Model:
+        """A copy of what equations depend on; all else is shared."""
+        members = self.describe()
+        inertias, amounts = self._derive()
+        copy = object.__new__(type(self._model))
+        vars(copy).update(vars(self._model) | members)
         for name, inertia in inertias.items():
             take_standard(copy.bodies[name], inertia)
         take_amounts(copy, amounts)
         return copy
+
+    def describe(self) -> dict[str, Any]:
+        """What equations depend on by its names, copied where numbers are traced. Raises TypeError for what has no name and no value."""
+        return {key: self._copy(value) for key, value in vars(self._model).items() if key not in NOT_IN_EQUATIONS}
+
+    def _derive(self) -> tuple[dict[str, StandardInertia], Amounts]:
+        """Inertias and amounts, whose sums are numbers, too, and what is decided by looking at numbers."""
+        model = self._model
+        bodies = [body for body in model.bodies.values() if body.inertia]
+        inertias = {body.name: self._inertia(standard_inertia(body, model.parameters)) for body in bodies}
+        amounts = self._amounts(amounts_of(model, bodies, (), model.rotors), inertias)
+        self._decisions(model)
+        return inertias, amounts
 
     def _decisions(self, model: Model) -> None:
         """Add what is decided by looking at numbers: which rows are simpler than others, and how bodies hang on each other."""
@@ -149,11 +170,12 @@ class _Walk:
         raise TypeError(f"{value!r} has no value that could be told")
 
     def _float(self, value: float) -> float:
+        self.values.append(value)
         unit = unit_near(value)
         if unit is not None:
             self.words.append(unit.hex())
             return unit
-        position = len(self.numbers) if self._are_separate else self._positions.setdefault(value, len(self.numbers))
+        position = len(self.numbers) if self._model.has_separate_numbers else self._positions.setdefault(value, len(self.numbers))
         self.words.append(f"number {position}")
         if position == len(self.numbers):
             self.numbers.append(value)
