@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -55,26 +55,26 @@ def readings_of(signature: inspect.Signature) -> tuple[ArgumentReading, ...]:
     )
 
 
-def read(model: Contents, word: str, bound: inspect.BoundArguments, readings: Sequence[ArgumentReading]) -> None:
+def read(model: Contents, word: str, arguments: dict[str, Any], readings: Sequence[ArgumentReading]) -> None:
     """Bring the arguments of a call to what the method's annotations say. Raises ModelError naming method, thing and argument.
 
     A new name is checked, and kept in its normal form.
     """
-    if "name" in bound.arguments:
-        name = bound.arguments["name"] = normal(bound.arguments["name"])
+    if "name" in arguments:
+        name = arguments["name"] = normal(arguments["name"])
         check_name(name, word)
-    subject = [bound.arguments["name"]] if "name" in bound.arguments else []
-    label = bound.arguments.get("label")
+    subject = [arguments["name"]] if "name" in arguments else []
+    label = arguments.get("label")
     for key, reader, is_optional, are_many in readings:
-        if key not in bound.arguments or (is_optional and bound.arguments[key] is None):
+        if key not in arguments or (is_optional and arguments[key] is None):
             continue
-        argument = bound.arguments[key]
+        argument = arguments[key]
         where = label if isinstance(label, str) and label else " ".join([word, "-".join(subject)]).strip()
         address = where if key in UNNAMED_ARGUMENTS else f"{where}, {key}"
         result = tuple(reader(model, each, address) for each in argument) if are_many else reader(model, argument, address)
-        if "name" not in bound.arguments and isinstance(result, (Spatial, Relative, Component, Body)):
+        if "name" not in arguments and isinstance(result, (Spatial, Relative, Component, Body)):
             subject.append(result.name)
-        bound.arguments[key] = result
+        arguments[key] = result
 
 
 def own(model: Contents, reference: object, kind: type[E], where: str) -> E:
@@ -111,6 +111,8 @@ def own_direction(model: Contents, reference: object, where: str) -> Combination
 def value(model: Contents, argument: object, where: str) -> Value:
     """A number, or a parameter or an expression of parameters of this model that is a number at their defaults."""
     result = as_value(argument, where)
+    if isinstance(result, float):
+        return argument if type(argument) is int else result  # an integer stays one, in model files and in expressions
     _refuse_inputs(model, result, where)
     if isinstance(result, Parameter) and model.parameters.get(result.name) is not result:
         raise foreign(where, f"parameter {result.name}")
@@ -118,7 +120,7 @@ def value(model: Contents, argument: object, where: str) -> Value:
     if is_symbolic(result) and result.is_Symbol:
         (symbol,) = symbols_in(result)
         return model.parameters[symbol.name]
-    return argument if type(argument) is int else result  # an integer stays one, in model files and in expressions
+    return result
 
 
 def _refuse_inputs(model: Contents, given_value: object, where: str) -> None:

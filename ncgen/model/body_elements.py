@@ -134,6 +134,9 @@ class BodyElements(OwnConstraints):
             same = next((v for v in body.vectors if v.given == tuple(direction)), None)
             return as_combination(same or self.attach_vector(body, self.free_name(f"{body.name}.{wish}"), direction))
         base = body.frame.matrix().T
+        for known, initial in zip(body.frame.directions, base, strict=True):
+            if np.array_equal(initial, numbers):
+                return known * 1.0
         sizes = WEIGHT_ROUNDING * arithmetic.norm(numbers) / np.linalg.norm(base, axis=1)
         weights = zip(arithmetic.weights(base, numbers), body.frame.directions, sizes, strict=True)
         parts = [other * weight for weight, other, size in weights if abs(weight) > size]

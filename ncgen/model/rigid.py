@@ -21,7 +21,7 @@ from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
 from ncgen.model.rows import Owner, Row
-from ncgen.model.values import Parameter, Scalar, as_number_if_constant, mentioned, vanishes
+from ncgen.model.values import Parameter, Scalar, as_number_if_constant, is_number, mentioned, vanishes
 
 PREFERRED_SINE = 0.2
 """A direction at least this far (sine of the angle) from the plane or line of the base is taken in the order given."""
@@ -183,7 +183,8 @@ def _angle_row(frame: Frame, a: Combination, b: Combination, known: Claims, scal
         return [_distance_row(frame, first, second, first - second, scaled)]
     if not _claim(known, *a.elements, *b.elements):
         return []
-    cosine, numeric = measures.cosine(a, b), measures.cosine_of(a.initial, b.initial)
+    cosine = measures.cosine(a, b)
+    numeric = cosine if is_number(cosine) else measures.cosine_of(a.initial, b.initial)
     if len(vectors) == 2:
         return [row.vector_vector(a.elements[0], b.elements[0], cosine, frame.owner, numeric, scaled)]
     vector, segment = (a, b) if measures.shape(a) == "vector" else (b, a)

@@ -166,14 +166,14 @@ def as_value(value: object, where: str) -> float | Parameter | sympy.Expr:
     Returns a float, a `Parameter` or a sympy expression. Raises ModelError for NaN, infinity, numbers
     beyond `MAX_NUMBER`, and things that are no numbers.
     """
-    if isinstance(value, Parameter):
-        return value
-    if is_symbolic(value):
+    if not is_number(value):
+        if isinstance(value, Parameter):
+            return value
+        if not is_symbolic(value):
+            raise ModelError(f"{where}: {shown(value)} is not a number; give a number, a parameter or an expression of parameters")
         value = check_expression(value, where)
         if value.free_symbols:
             return value
-    elif not is_number(value):
-        raise ModelError(f"{where}: {shown(value)} is not a number; give a number, a parameter or an expression of parameters")
     try:
         number = float(value)
     except OverflowError:

@@ -65,8 +65,8 @@ def point_like(kernels: Kernels) -> list[Body]:
 
     def found() -> list[Body]:
         parameters = kernels.model.parameters
-        bodies = [body for body in kernels.model.bodies.values() if body.inertia is not None and len(body.basis) == LARGEST_BASIS]
-        return [body for body in bodies if _is_point_like(body.own_inertia.numbers(parameters)[2])]
+        bodies = [body for body in kernels.model.bodies.values() if body.inertia and _is_point_like(body.inertia.numbers(parameters)[2])]
+        return [body for body in bodies if len(body.basis) == LARGEST_BASIS]
 
     return kernels.remember("bodies without a moment of inertia", (), found)
 
