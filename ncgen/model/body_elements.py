@@ -156,8 +156,7 @@ class BodyElements(OwnConstraints):
             rest_point = self.point(self.free_name(f"{body.name}.rest"), frame.origin.given, fixed=True)
             self.extend(self.ground, rest_point)
             offset = frame.origin - rest_point
-            size = measures.natural_length(offset, self.extent())
-            made = row.affine(offset, offset, offset, 0.0, size, owner, f"rest of {frame.origin.name}")
+            made = row.affine(offset, offset, offset, 0.0, offset, owner, f"rest of {frame.origin.name}")
         for number in range(frame.resting or 0, min(len(frame.directions), 2)):
             direction = frame.directions[number]
             if number == 0:

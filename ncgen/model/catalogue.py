@@ -58,7 +58,8 @@ class RowType:
     data: names of the constants
     formula(f, **arguments): the raw equation, zero when satisfied
     scale: the constants whose product divides the scaled row, and a factor
-    size: the constants whose product is the natural size of the raw row; None where only its gradient can tell
+    size: the constants whose product is the natural size of the raw row, unless it has that of a segment (`Row.along`); None where only its
+    gradient can tell
     equation: the text printed next to the generated code, over the arguments' names
     """
 
@@ -131,7 +132,7 @@ def _dot(f: Functions[N], a: Triple[N], b: Triple[N], c: N, L: N) -> N:
 
 
 def _affine(axis: int) -> Formula:
-    def formula(f: Functions[N], e: Triple[N], a: Triple[N], b: Triple[N], c: N, L: N) -> N:
+    def formula(f: Functions[N], e: Triple[N], a: Triple[N], b: Triple[N], c: N) -> N:
         return e[axis] - c * cross(a, b)[axis]
 
     return formula
@@ -141,7 +142,7 @@ def _length(f: Functions[N], a: Triple[N], s: N, L: N) -> N:
     return dot(a, a) - s * s
 
 
-def _slide(f: Functions[N], a: Triple[N], n: Triple[N], s: N, L: N) -> N:
+def _slide(f: Functions[N], a: Triple[N], n: Triple[N], s: N) -> N:
     return dot(a, n) - s
 
 
@@ -221,11 +222,11 @@ ROW_TYPES = {
                 key=f"affine-{x}",
                 vectors=("e", "a", "b"),
                 scalars=(),
-                data=("c", "L"),
+                data=("c",),
                 formula=_affine(k),
                 scale_factor=1.0,
                 scale_data=(),
-                size=("L",),
+                size=(),
                 equation=f"(e - c a x b).{x}",
             )
             for k, x in enumerate("xyz")
@@ -245,11 +246,11 @@ ROW_TYPES = {
             key="slide",
             vectors=("a", "n"),
             scalars=("s",),
-            data=("L",),
+            data=(),
             formula=_slide,
             scale_factor=1.0,
             scale_data=(),
-            size=("L",),
+            size=(),
             equation="a.n - s",
         ),
         RowType(

@@ -201,7 +201,7 @@ class Coordinates(Quantities):
         value = measures.along(segment, axis)
         number = arithmetic.dot(segment.initial, axis.initial)
         s = Length(name, (Component(name, False, value, number),))
-        return self._relative(s, row.slide_row(s, segment, axis, self.extent(), self.scale))
+        return self._relative(s, row.slide_row(s, segment, axis, self.scale))
 
     @fact
     def independent(self, *coordinates: Component | Relative) -> None:

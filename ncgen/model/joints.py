@@ -284,8 +284,7 @@ class Joints(Structure):
         owner = owner or Owner("joint", f"{point.name} in plane of {a.name}", (a.name,), "point_in_plane")
         segment = as_combination(point) - start
         height = measures.along(segment, as_combination(normal))
-        size = measures.natural_length(segment, self.extent())
-        return self._keep(row.dot(segment, as_combination(normal), height, size, owner, f"{point.name} in plane", self.scale))
+        return self._keep(row.in_plane(segment, as_combination(normal), height, self.extent(), owner, f"{point.name} in plane", self.scale))
 
     # -- helpers -------------------------------------------------------------------------------
 
@@ -302,9 +301,8 @@ class Joints(Structure):
 
     def _on_line(self, a: Body, point: Point, start: Point, axis: Vector, owner: Owner) -> None:
         segment = as_combination(point) - start
-        size = measures.natural_length(segment, self.extent())
         for across in self._directions_across(a, as_combination(axis)):
-            new = row.dot(segment, across, 0.0, size, owner, f"{point.name} on {axis.name}", self.scale)
+            new = row.in_plane(segment, across, 0.0, self.extent(), owner, f"{point.name} on {axis.name}", self.scale)
             if not row.is_trivial(new):
                 self._keep(new)
 

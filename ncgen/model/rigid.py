@@ -213,7 +213,8 @@ def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Paramet
         if weight != 0.0:
             e = e - other * weight
     a, b = (frame.directions[0], frame.directions[1]) if frame.is_crossed or turned != 0.0 else (e, e)
-    return row.affine(e, a, b, turned, size, frame.owner, f"combination {element.name}")
+    along = direction if isinstance(element, Point) else None
+    return row.affine(e, a, b, turned, along, frame.owner, f"combination {element.name}")
 
 
 def _weights(frame: Frame, direction: Combination, size: float) -> list[float]:

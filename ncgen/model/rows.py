@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.model import arithmetic, measures
+from ncgen.model import measures
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
 from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, Spatial, as_combination
 from ncgen.model.expressions import is_symbolic
@@ -23,12 +23,6 @@ from ncgen.model.values import Parameter, Scalar, Value, is_number, text_of
 
 SIX_DIGITS = 1e-5
 """How far from 1 the length of a unit vector may be that was typed with six digits."""
-
-ALONG_SEGMENTS = ("dot", "slide", "affine-x", "affine-y", "affine-z")
-"""Types of rows whose datum L is the natural length of a segment, `e` or `a`."""
-
-GREAT_DIFFERENCE = 100.0
-"""Ratio of two natural sizes of a row below which either will do."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +50,7 @@ class Row:
     level: "position", or "velocity" for a rolling condition, whose expression is linear in rates
     arguments: combination per vector argument, component per scalar argument
     data: value per constant
+    along: the segment whose natural length is the size of the raw row; None where the type says its size
     """
 
     owner: Owner
@@ -68,6 +63,7 @@ class Row:
     scaled: bool = True
     level: str = "position"
     measured: bool = False
+    along: Combination | None = None
 
     def __repr__(self) -> str:
         return f"<Row {self.code or self.level}: {self.label}, {self.owner}>"
@@ -100,29 +96,15 @@ class Row:
 def natural_size(row: Row, number: Callable[[Value], float], extent: float) -> float | None:
     """The size of a row's value where it is grossly violated: what a residual is compared with.
 
-    `number` turns a value into a float; extent: of the whole model (m). For a scaled distance row this is L/2 (m), for other scaled rows of
-    the catalogue 1; None where only the row's gradient can tell, as of one given as an expression.
+    `number` turns a value into a float; extent: of the whole model (m), which nobody knows before all of it is there. For a scaled distance
+    row this is L/2 (m); None where only the row's gradient can tell, as of one given as an expression.
     """
     if row.type is None or row.type.size is None:
         return None
-    size = math.prod(number(row.data[name]) for name in row.type.size)
+    by_data = math.prod(number(row.data[name]) for name in row.type.size)
+    size = by_data if row.along is None else measures.natural_length(row.along, extent)
     scale = row.type.scale_factor / math.prod(number(row.data[name]) for name in row.type.scale_data) if row.scaled else 1.0
-    return size * scale * _later_over_earlier(row, number, extent)
-
-
-def _later_over_earlier(row: Row, number: Callable[[Value], float], extent: float) -> float:
-    """The extent of the model over the one it had when a row was made along a segment that is too short to be divided by, as one point has
-    none. 1 where that makes no great difference, and for all other rows."""
-    along = row.arguments.get("e", row.arguments.get("a"))
-    if row.type is None or row.type.key not in ALONG_SEGMENTS or not isinstance(along, Combination) or measures.shape(along) != "segment":
-        return 1.0
-    if along.is_parametric:  # its own length is that of the row, as an expression
-        return 1.0
-    earlier = number(row.data["L"])
-    if abs(earlier - arithmetic.norm(along.initial)) <= SIX_DIGITS * earlier:
-        return 1.0
-    ratio = measures.natural_length(along, extent) / earlier
-    return 1.0 if 1.0 / GREAT_DIFFERENCE < ratio < GREAT_DIFFERENCE else ratio
+    return size * scale
 
 
 def describe(equation: str, values: Mapping[str, Combination | Value | Component]) -> str:
@@ -138,10 +120,17 @@ def _short(value: Combination | Value | Component) -> str:
 
 
 def _typed(
-    key: str, owner: Owner, label: str, arguments: Mapping[str, Combination | Component], data: Mapping[str, Value], scaled: bool
+    key: str,
+    owner: Owner,
+    label: str,
+    arguments: Mapping[str, Combination | Component],
+    data: Mapping[str, Value],
+    scaled: bool,
+    along: Combination | None = None,
 ) -> Row:
     """A row of a type of the catalogue, with the paper's code where it has one."""
-    return Row(owner=owner, label=label, code=PAPER_CODES.get(key), type=ROW_TYPES[key], arguments=arguments, data=data, scaled=scaled)
+    kind, code = ROW_TYPES[key], PAPER_CODES.get(key)
+    return Row(owner=owner, label=label, code=code, type=kind, arguments=arguments, data=data, scaled=scaled, along=along)
 
 
 def distance(start: Point, end: Point, length: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
@@ -193,15 +182,25 @@ def _cosine_condition(row: Row) -> Cosine:
     return Cosine(f"{row.owner}, {row.label}", row.data["c"])
 
 
-def dot(a: Combination, b: Combination, value: Value, size: float, owner: Owner, label: str, scaled: bool) -> Row:
-    """a·b = value, divided by `size`, the natural size of the product."""
-    return _typed("dot", owner, label, {"a": a, "b": b}, {"c": value, "L": size}, scaled)
+def dot(
+    a: Combination, b: Combination, value: Value, divisor: float, owner: Owner, label: str, scaled: bool, along: Combination | None = None
+) -> Row:
+    """a·b = value, divided by `divisor`, which is the natural size of the product unless it has that of the segment `along`."""
+    return _typed("dot", owner, label, {"a": a, "b": b}, {"c": value, "L": divisor}, scaled, along)
 
 
-def affine(e: Combination, a: Combination, b: Combination, cross_weight: Value, size: float, owner: Owner, label: str) -> list[Row]:
-    """The components of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps."""
-    arguments, data = {"e": e, "a": a, "b": b}, {"c": cross_weight, "L": size}
-    return [_typed(f"affine-{axis}", owner, f"{label}.{axis}", arguments, data, True) for axis in AXES]
+def in_plane(segment: Combination, normal: Combination, value: Value, extent: float, owner: Owner, label: str, scaled: bool) -> Row:
+    """segment·normal = value, divided by a length; extent: of the model as far as there is one (m)."""
+    return dot(segment, normal, value, measures.natural_length(segment, extent), owner, label, scaled, segment)
+
+
+def affine(
+    e: Combination, a: Combination, b: Combination, cross_weight: Value, along: Combination | None, owner: Owner, label: str
+) -> list[Row]:
+    """The components of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps: of the segment `along`, or of a
+    unit vector and others."""
+    arguments, data = {"e": e, "a": a, "b": b}, {"c": cross_weight}
+    return [_typed(f"affine-{axis}", owner, f"{label}.{axis}", arguments, data, True, along) for axis in AXES]
 
 
 def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
@@ -210,10 +209,10 @@ def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
     return _typed("length", _coordinate(s), f"length {s.name}", arguments, {"L": measures.length(segment)}, scaled)
 
 
-def slide_row(s: Relative, segment: Combination, axis: Combination, extent: float, scaled: bool) -> Row:
-    """segment·axis = s; extent: of the model (m)."""
+def slide_row(s: Relative, segment: Combination, axis: Combination, scaled: bool) -> Row:
+    """segment·axis = s."""
     arguments = {"a": segment, "n": axis, "s": s.components[0]}
-    return _typed("slide", _coordinate(s), f"slide {s.name}", arguments, {"L": measures.natural_length(segment, extent)}, scaled)
+    return _typed("slide", _coordinate(s), f"slide {s.name}", arguments, {}, scaled, segment)
 
 
 def follow(coordinate: Relative, other: Relative, ratio: Value, offset: Value, owner: Owner) -> Row:

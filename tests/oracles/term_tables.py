@@ -134,7 +134,7 @@ def _products(equations: Equations, term: Term, written: sympy.Poly, components:
         a = [(0.0, [(value, i)]) for value, i, _ in chunk] + empty
         b = [(0.0, [(1.0, j)]) for _, _, j in chunk] + empty
         s = (constant, linear) if k == 0 else (0.0, [])
-        placed_terms.append(Placed("slide", row, [*a, *b, s], [1.0, 1.0]))
+        placed_terms.append(Placed("slide", row, [*a, *b, s], [1.0]))
     if speed:
         placed_terms.append(Placed("drive", row, [(0.0, [])], [0.0, -speed, 0.0, 0.0, 0.0, 1.0]))
     return placed_terms

@@ -128,3 +128,38 @@ def test_what_is_welded_to_the_ground_rests(size):
     m.gravity((0, -9.81 * size, 0))
     run = ncgen.simulate(ncgen.compile(m, "numpy"), 0.05, points=2)
     assert np.max(np.abs(run.qdd)) <= 1e-12 * 9.81 * size
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-5])
+@pytest.mark.parametrize("is_first", [True, False])
+def test_sizes_do_not_depend_on_when_a_row_is_made(gap, is_first):
+    """A plane through two points that coincide but for rounding, made before there are other points or after: in natural sizes its gradient
+    is its normal. Made first it was divided by the gap, and no size made up for that."""
+    m = Model("slope")
+
+    def plane():
+        A, B = m.point("A", (0, 0, 0), fixed=True), m.point("B", (gap, 0, -0.75 * gap))
+        m.point_in_plane(m.ground, B, A, m.vector("n", (0.6, 0.0, 0.8), fixed=True))
+
+    if is_first:
+        plane()
+    m.point("C", (2.0, 0.5, 0.0))
+    if not is_first:
+        plane()
+    kernels = ncgen.compile(m, "numpy")
+    gradient = kernels.jacobian(kernels.q0)[0] * kernels.column_sizes / kernels.row_sizes[0]
+    columns = [kernels.index[name] for name in ("B.x", "B.y", "B.z")]
+    assert gradient[columns] == pytest.approx([0.6, 0.0, 0.8], rel=1e-12)
+
+
+@pytest.mark.parametrize(("x", "y", "size"), [(0.006, 0.008, 0.01), (0.006, 0.0, 0.006), (0.0, 0.0, 2.0)])
+def test_a_point_of_a_small_body_is_held_by_its_own_distance(x, y, size):
+    """D is a combination of other points of its body, which is small in a mechanism of 2 m: its rows are as large as D is away from the
+    origin of the body, and only where it is there as large as the mechanism. They were so everywhere."""
+    m = Model("small")
+    A, B, C, D = (m.point(*each) for each in (("A", (0, 0, 0)), ("B", (0.01, 0, 0)), ("C", (0, 0.01, 0)), ("D", (x, y, 0))))
+    m.point("F", (2.0, 0.0, 0.0), fixed=True)
+    m.body("plate", points=[A, B, C, D], mass=1.0, com=(0.003, 0.003, 0), inertia=1e-5 * np.eye(3))
+    kernels = ncgen.compile(m, "numpy")
+    sizes = [s for row, s in zip(kernels.rows, kernels.row_sizes, strict=True) if row.label.startswith("combination D")]
+    assert sizes == pytest.approx([size] * 3)
