@@ -182,16 +182,15 @@ def _cosine_condition(row: Row) -> Cosine:
     return Cosine(f"{row.owner}, {row.label}", row.data["c"])
 
 
-def dot(
-    a: Combination, b: Combination, value: Value, divisor: float, owner: Owner, label: str, scaled: bool, along: Combination | None = None
-) -> Row:
-    """a·b = value, divided by `divisor`, which is the natural size of the product unless it has that of the segment `along`."""
-    return _typed("dot", owner, label, {"a": a, "b": b}, {"c": value, "L": divisor}, scaled, along)
+def dot(a: Combination, b: Combination, value: Value, size: float, owner: Owner, label: str, scaled: bool) -> Row:
+    """a·b = value, divided by `size`, the natural size of the product."""
+    return _typed("dot", owner, label, {"a": a, "b": b}, {"c": value, "L": size}, scaled)
 
 
 def in_plane(segment: Combination, normal: Combination, value: Value, extent: float, owner: Owner, label: str, scaled: bool) -> Row:
     """segment·normal = value, divided by a length; extent: of the model as far as there is one (m)."""
-    return dot(segment, normal, value, measures.natural_length(segment, extent), owner, label, scaled, segment)
+    arguments, data = {"a": segment, "b": normal}, {"c": value, "L": measures.natural_length(segment, extent)}
+    return _typed("dot", owner, label, arguments, data, scaled, segment)
 
 
 def affine(

@@ -101,7 +101,7 @@ class Terms {
   // A linear constraint equation: a form that stays zero.
   linear(label, pairs, scale = 1) {
     const none = Array(6).fill([0, []]);
-    this.row(label, ["slide", [...none, this.form(...pairs)], [1, scale]]);
+    this.row(label, ["slide", [...none, this.form(...pairs)], [scale]]);
   }
 
   force(type, forms, data) {
@@ -177,7 +177,7 @@ function addMass(terms, p, q, value) {
 function addSlider(terms, drawing, slider) {
   const rail = terms.segment(slider.start, slider.end), size = length(minus(place(drawing, slider.end), place(drawing, slider.start)));
   const arm = terms.segment(slider.start, slider.point), none = Array(3).fill([0, []]);
-  terms.row(`${slider.point} on ${slider.start}-${slider.end}`, ["affine-z", [...none, ...rail, ...arm], [1, 1, 1 / size]]);
+  terms.row(`${slider.point} on ${slider.start}-${slider.end}`, ["affine-z", [...none, ...rail, ...arm], [1, 1 / size]]);
   const body = slider.turns ? undefined : bodyOf(drawing, slider);
   if (body) addNoTurning(terms, drawing, slider, rail, size, basisOf(drawing, body));
   if (slider.mass > 0) {
@@ -194,7 +194,7 @@ function addNoTurning(terms, drawing, slider, rail, size, [a, b]) {
   const e = minus(place(drawing, b), place(drawing, a)), r = minus(place(drawing, slider.end), place(drawing, slider.start));
   const scale = 1 / (size * length(e)) ** 2, own = terms.segment(a, b), none = Array(3).fill([0, []]);
   terms.row(`no turning on ${slider.name}`,
-    ["affine-z", [...none, ...rail, ...own], [1, 1, along(r, e) * scale]],
+    ["affine-z", [...none, ...rail, ...own], [1, along(r, e) * scale]],
     ["dot", [...rail, ...own], [0, 1, across(r, e) * scale]]);
 }
 
