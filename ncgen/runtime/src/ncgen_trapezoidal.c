@@ -10,6 +10,20 @@ static int interpolate_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, nc
     return NCGEN_OK;
 }
 
+/* The largest number of a state or of a change of one, in natural sizes; a velocity counts what it moves in a step. The work follows from
+ * the others. */
+static ncgen_real natural_size(const ncgen_run *r, const ncgen_real *x, ncgen_scalar h)
+{
+    const int velocities = r->partitioning ? r->nz : r->n;
+    const ncgen_scalar *sizes = r->options->sizes;
+    ncgen_real largest = 0;
+    for (int i = 0; i < r->error_size - 1; ++i) {
+        const ncgen_real size = NCGEN_ABS(x[i]) * (i < velocities ? h : 1) / (sizes ? sizes[i] : 1);
+        largest = size > largest ? size : largest;
+    }
+    return largest;
+}
+
 /* new_y by Newton's method: (2/h - J) dy = 2/h (y - new_y) + f + f_new. */
 static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
 {
@@ -26,17 +40,12 @@ static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncg
         for (int i = 0; i < r->error_size; ++i)
             m->right[i] = 2 / h * (r->y[i] - w->new_y[i]) + w->stage_derivatives[0][i] + m->derivatives[i];
         ncgen_shifted_solve(r, m, &m->real, m->right, m->change);
-        ncgen_real size = 0;
-        least = 1;
-        for (int i = 0; i < r->error_size; ++i) {
+        if (!ncgen_is_finite(r->error_size, m->change))
+            return NCGEN_DOMAIN;
+        for (int i = 0; i < r->error_size; ++i)
             w->new_y[i] += m->change[i];
-            if (m->change[i] != m->change[i])
-                return NCGEN_DOMAIN;
-            if (NCGEN_ABS(m->change[i]) > size)
-                size = NCGEN_ABS(m->change[i]);
-            if (NCGEN_ABS(w->new_y[i]) > least)
-                least = NCGEN_ABS(w->new_y[i]);
-        }
+        const ncgen_real size = natural_size(r, m->change, h), whole = natural_size(r, w->new_y, h);
+        least = whole > 1 ? whole : 1;
         if (size <= enough * least)
             return NCGEN_OK;
         if (!(size < before)) /* rounding ends the fall of the steps before they reach the bound */
