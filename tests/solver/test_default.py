@@ -96,6 +96,35 @@ def test_a_drift_below_a_limit_need_not_be_known(swing):
     assert np.all(rows > 0)
 
 
+@pytest.mark.parametrize(
+    "method",
+    [
+        {"integrator": "rk4", "max_step": 0.15},
+        {"integrator": "rk4", "max_step": 0.1, "formalism": "coordinate-partitioning"},
+        {"integrator": "rk4", "max_step": 0.15, "engine": "python"},
+        {"integrator": "rattle", "max_step": 0.1},
+        {"integrator": "trapezoidal", "max_step": 0.1, "formalism": "ali3p"},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("points", [2, 3])
+def test_steps_of_a_fixed_length_that_make_energy_are_told(swing, method, points):
+    with pytest.warns(UserWarning, match=r"swing: the energy changes by 0\.0?\d of what moves: the steps are too long for"):
+        run = ncgen.simulate(swing, 3.0, points=points, **method)
+    assert run.energy_drift > 0.01
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ncgen.simulate(swing, 3.0, points=points, **method | {"max_step": 0.01})
+
+
+def test_damping_that_is_asked_for_is_not(swing):
+    """Generalised α takes energy from what its steps do not resolve."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = ncgen.simulate(swing, 3.0, points=11, integrator="generalized-alpha", max_step=0.2)
+    assert run.energy_drift > 0.01
+
+
 def test_the_true_alarm_stays():
     """A method that slides over a singular position is told by its energy: BDF on the slider-crank of equal rods."""
     case = CASES["equal-crank"]

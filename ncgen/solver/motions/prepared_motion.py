@@ -162,8 +162,7 @@ class PreparedMotion:
     @cached_property
     def _inspected(self) -> np.ndarray | None:
         """Numbers of the rows at which C inspects the run: where parameters change, or with other numbers than doubles, it does not."""
-        rows = self.rows.looked_at
-        return np.array(rows) if rows and self.run.settings.number == "double" and not self.run.signals else None
+        return np.array(self.rows.looked_at) if self.run.settings.number == "double" and not self.run.signals else None
 
     def plan(self, choice: Choice) -> RunPlan:
         """Return what carries the run out by the method of a choice, its own or the one that it continues with. Raises ModelError."""

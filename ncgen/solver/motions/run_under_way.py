@@ -259,7 +259,7 @@ class RunUnderWay:
         """Velocities of the independent coordinates at the start."""
         return self.motion.start.qd[determined(self.path.partitions).velocity.independent]
 
-    def _rows(self) -> tuple[np.ndarray, np.ndarray, list[int] | None]:
+    def _rows(self) -> tuple[np.ndarray, np.ndarray, list[int]]:
         """Times of the path's rows, and the numbers of those that were asked for, and of those at which the energy is looked at."""
         path, reached = self.path, len(self.path.q)
         if path.stopped is None and reached == len(self.times):
@@ -271,11 +271,11 @@ class RunUnderWay:
         return times, rows.wanted, rows.looked_at
 
     def inspected(self) -> Instants:
-        """The instants at which the energy is looked at, and the run's ends; all of it where there are no such instants."""
+        """The instants at which the energy is looked at, and the run's ends."""
         times, _, rows = self._rows()
         if len(self.motion.jumps):
             times = outside_breaks(self.motion.breaks, times)  # a row at a jump is of the time before it
-        elif rows is not None:
+        else:
             known = {times.item(row): row for row in rows}  # rows that C moved to the same end of a step are the same
             rows = [*known.values()]
         path = self.path

@@ -16,7 +16,7 @@ from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 
 MAX_ENERGY_CHANGE = 1e-2
-"""Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
+"""Relative change of energy from which no motion is believed: nobody chooses steps of a fixed length, or feedback, to get this."""
 
 WORK_ERRORS = 10.0
 """How many times atol (J) the work may be wrong by. What rests, slips a little between two instants at which the energy is looked at, and
@@ -40,7 +40,8 @@ class Limits:
     """Up to which what C saw of a motion speaks for it, so that `doubts` has nothing to say.
 
     change: of the energy, relative to the largest kinetic one; remainder: of Φ_q q̇ − ν, relative to the sizes of rows
-    can_tell: False where constraints are held by feedback alone; has_doubts: False for methods about which `doubts` never reports anything
+    can_tell: False where constraints are held by feedback alone; has_doubts: False for methods about which `doubts` never reports anything,
+        which take energy away on purpose
     """
 
     change: float
@@ -52,7 +53,8 @@ class Limits:
     def of(cls, tolerances: Tolerances, method: Method, duration: float) -> Limits:
         """Of a run of some length (s)."""
         feedback = _has_feedback(method)
-        return cls(_limit(tolerances), VELOCITY_TOLERANCE * _slow(duration), not feedback, feedback or not method.has_fixed_step)
+        remainder = math.inf if method.has_fixed_step else VELOCITY_TOLERANCE * _slow(duration)
+        return cls(_limit(tolerances, method), remainder, not feedback, feedback or not _is_damping(method))
 
     def allow(self, seen: Inspection | None) -> bool:
         """Whether nothing can speak against a motion of which C saw this."""
@@ -68,9 +70,14 @@ def _has_feedback(method: Method) -> bool:
     return method.options.get("stabilisation") in ("baumgarte", "none")
 
 
-def _limit(tolerances: Tolerances) -> float:
+def _is_damping(method: Method) -> bool:
+    """Whether steps of a fixed length take energy away on purpose."""
+    return method.has_fixed_step and "rho" in method.integrator.options
+
+
+def _limit(tolerances: Tolerances, method: Method) -> float:
     """The least relative change of energy that is reported."""
-    return min(MAX_ENERGY_CHANGE, math.sqrt(tolerances.rtol))
+    return MAX_ENERGY_CHANGE if method.has_fixed_step else min(MAX_ENERGY_CHANGE, math.sqrt(tolerances.rtol))
 
 
 def _slow(duration: float) -> float:
@@ -83,15 +90,19 @@ def doubts(run: Trajectory, instants: Instants, tolerances: Tolerances, method: 
 
     instants: at which the energy was looked at, the ends of the run included; tolerances: that were kept
     """
-    rtol = tolerances.rtol
-    feedback = _has_feedback(method)
+    rtol, feedback = tolerances.rtol, _has_feedback(method)
     reasons = [] if feedback or method.has_fixed_step else _contradiction(run, instants)
     unseen = WORK_ERRORS * tolerances.atol if any(instants.works()) else 0.0
-    change = drift(run.kernels, instants, run.p, unseen, limit=_limit(tolerances))
+    change = drift(run.kernels, instants, run.p, unseen, limit=_limit(tolerances, method))
     if feedback and change > MAX_ENERGY_CHANGE:
         reasons.append(
             f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
             "the motion may have left its branch, take smaller steps or another formalism"
+        )
+    elif method.has_fixed_step and not _is_damping(method) and change > MAX_ENERGY_CHANGE:
+        reasons.append(
+            f"the energy changes by {change:.1g} of what moves: the steps are too long for {method.integrator.name} here, or the motion "
+            "has passed a singular position; take smaller ones (max_step) or a method with error control"
         )
     elif not method.has_fixed_step and change > math.sqrt(rtol):
         other = (

@@ -57,10 +57,11 @@ class RunTimes:
         return float(self.times[-1] - self.times[0])
 
     @cached_property
-    def looked_at(self) -> list[int] | None:
-        """Numbers of the rows at which the energy is looked at; None for all, where there are none for it alone."""
-        extra = np.flatnonzero(self.is_extra).tolist()
-        return sorted({0, *extra, len(self.times) - 1}) if extra else None
+    def looked_at(self) -> list[int]:
+        """Numbers of the rows at which the energy is looked at: those for it alone, else some that were asked for; and the ends."""
+        last = len(self.times) - 1
+        inside = np.flatnonzero(self.is_extra) if self.is_extra.any() else np.rint(SAMPLE_FRACTIONS * last).astype(int)
+        return sorted({0, *inside.tolist(), last})
 
 
 class Grid:
