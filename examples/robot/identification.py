@@ -25,7 +25,8 @@ from scipy.optimize import OptimizeResult, least_squares
 import ncgen
 from ncgen import Model
 from ncgen.model.elements import Relative
-from ncgen.solver.positions.partition import choose_partition, kinematics
+from ncgen.solver.positions.kinematics import kinematics
+from ncgen.solver.positions.partition import choose_partition
 
 if TYPE_CHECKING:
     from ncgen.mechanism.kernels import Kernels

@@ -29,7 +29,9 @@ from ncgen.toolchain.loader import opened
 if TYPE_CHECKING:
     from ncgen.mechanism.direct import Direct
 
-STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument", "interrupted", "stiff", "short", "full")
+STATUS = (
+    "ok", "not converged", "singular", "pivot", "domain", "argument", "interrupted", "stiff", "short", "full", "singular ahead"
+)  # fmt: skip
 
 
 class CompiledKernels(Kernels):

@@ -89,7 +89,7 @@ def test_it_takes_fewer_operations_and_is_chosen(name, most):
 def test_small_plane_mechanisms_keep_what_is_cheaper(name):
     ways = {way: cost(program).total for way, program in case(name).ways.items()}
     chosen = dynamics.assemble_dynamics(*case(name).given).acceleration
-    assert cost(chosen).total == ways["all coordinates"] < ways["composite"]
+    assert cost(chosen).total == ways["all coordinates"] <= ways["composite"]
 
 
 def test_articulated_and_composite_say_the_same():

@@ -6,7 +6,8 @@ Both are one straight line of operations with the factorisation of Φ_q^d emitte
     acceleration(t, q, zd, p)  -> q̇, z̈, power, amplification
 
 with q̇ = R ż + S ν, (RᵀMR) z̈ = Rᵀ(Q − M S γ) (the paper's eqs 51-54). `amplification` is ‖R‖², in natural units: how
-much an error of the independent coordinates grows in the others; infinite where the fixed order of elimination breaks down.
+much an error of the independent coordinates grows in the others, and more where pivots are smaller than they usually are: infinite
+where the fixed order of elimination breaks down.
 """
 
 from __future__ import annotations
@@ -30,12 +31,13 @@ from ncgen.program.algebra.elimination import (
     solve_transposed,
     times,
 )
+from ncgen.program.algebra.growth import with_pivots
 from ncgen.program.differentiation.differentiated import adjoint_of, tangent_of
 from ncgen.program.differentiation.prepared import take_out
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.ir.graph import Graph
-from ncgen.program.ir.sampling import Sample
+from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
@@ -262,7 +264,7 @@ def by_all_coordinates(equations: Terms, split: Split, samples: Sequence[Sample]
     if nu:
         left = _unbalanced(graph, force, times(graph, mass, bias), MR, zdd)
         power = _less_driving(graph, split, factors, nu, left, power)
-    amplification = _amplification(graph, split, R, sizes)
+    amplification = with_pivots(graph, Sampling(graph, samples), _amplification(graph, split, R, sizes), factors.reciprocal)
     return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
 
 

@@ -21,17 +21,15 @@ from dataclasses import replace
 import numpy as np
 
 from ncgen.program.algebra.elimination import times
+from ncgen.program.algebra.growth import pivot_growth, relative
 from ncgen.program.ir.blocks import Phases, Program
 from ncgen.program.ir.cut import RATES
-from ncgen.program.ir.sampling import Sample, roughly
+from ncgen.program.ir.sampling import Sample
 from ncgen.program.tree.recursion import Column, Recursion
 from ncgen.program.tree.tree_motion import Loads
 from ncgen.symbolic.numbering import Terms
 
 STATE, FORCED = ("t", "q", "qd", "p"), ("t", "q", "qd", "forces", "p")
-
-PIVOT_WEIGHT = 0.2
-"""What the square of a reciprocal pivot counts: a third of a pivot is nothing unusual."""
 
 
 class RecursiveMotions:
@@ -117,23 +115,7 @@ def _momentum(work: Recursion) -> Column:
 
 
 def _growth(work: Recursion) -> int:
-    """Return how much worse than in the samples the order of elimination is: ‖R‖², and pivots that become small.
-
-    Pivots become small at singular positions, and where rows that represent redundant ones degenerate, though R does not grow. What is
-    constant cannot: it stands for joints that are measured, and on an open tree nothing else is eliminated but a positive definite mass
-    matrix, for which no order is a bad one. So the result does not depend on how many joints a mechanism has.
-    """
-    graph = work.graph
-    amplification = work.amplification()
-    parts = [_relative(work, amplification, 1.0)] if graph.value(amplification) is None else []
-    for reciprocal in work.factors.reciprocal:
-        if graph.value(reciprocal) is None:
-            small = _relative(work, graph.mul(reciprocal, reciprocal), PIVOT_WEIGHT)
-            parts.append(graph.mul(small, small))
-    return graph.sum(parts)
-
-
-def _relative(work: Recursion, node: int, weight: float) -> int:
-    """A node over the largest that it is in the samples, times a weight."""
-    usual = roughly(np.max(work.rates.sampling[node]))
-    return work.graph.mul(work.graph.const(weight / usual), node) if usual > 0 else work.zero
+    """Return how much worse than in the samples the order of elimination is: ‖R‖², and pivots that become small."""
+    graph, sampling, amplification = work.graph, work.rates.sampling, work.amplification()
+    parts = [relative(graph, sampling, amplification)] if graph.value(amplification) is None else []
+    return graph.sum([*parts, *pivot_growth(graph, sampling, work.factors.reciprocal)])

@@ -30,6 +30,7 @@ from ncgen.program.algebra.elimination import (
     solve_transposed,
     times,
 )
+from ncgen.program.algebra.growth import with_pivots
 from ncgen.program.algebra.inertia_matrix import least_inertia
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.sampling import Sample
@@ -141,7 +142,8 @@ class Recursion:
 
     def written(self, zdd: Sequence[int]) -> Program:
         """The program `acceleration` of these accelerations of the independent coordinates."""
-        outputs = [*self.lines.rates, *zdd, self.power(zdd), self.amplification()]
+        growth = with_pivots(self.graph, self.rates.sampling, self.amplification(), self.factors.reciprocal)
+        outputs = [*self.lines.rates, *zdd, self.power(zdd), growth]
         return self.lines.program("acceleration", ("t", "q", "zd", "p"), outputs)
 
     def amplification(self) -> int:

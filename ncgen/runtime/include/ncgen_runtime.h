@@ -255,8 +255,8 @@ typedef struct ncgen_piecewise {
 } ncgen_piecewise;
 
 /* What a run returns besides: the progress function has ended it; it is stiff and options->stop_when_stiff is set; its steps became too
- * short, or too many; its tape is full. */
-enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7, NCGEN_STEP_TOO_SHORT = 8, NCGEN_TAPE_FULL = 9 };
+ * short, or too many; its tape is full; coordinate partitioning comes to a singular position. */
+enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7, NCGEN_STEP_TOO_SHORT = 8, NCGEN_TAPE_FULL = 9, NCGEN_SINGULAR_AHEAD = 10 };
 
 /* Parameters that follow from the position (n_coordinates), set anew at the start and after every accepted step: in between they keep their
  * values. Anything but NCGEN_OK ends the run. */

@@ -7,7 +7,7 @@
 enum { NCGEN_POSITION_LIMIT = 12 }; /* Newton steps that close a position */
 
 /* A position is not moved that far to close it, in natural sizes; the next Newton step is not taken where it would change but rounding, violations
- * being below a multiple of its root; and by how many roundings a position is moved though it is closed. */
+ * being below a multiple of its root; and what is off by no more roundings than this is on the constraints. */
 #define NCGEN_TOO_FAR ((ncgen_scalar)0.1)
 #define NCGEN_QUADRATIC ((ncgen_scalar)10)
 #define NCGEN_ROUNDINGS ((ncgen_scalar)100)

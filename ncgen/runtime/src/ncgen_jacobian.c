@@ -114,7 +114,7 @@ static void independent_change(ncgen_run *r, ncgen_real *column, int stride)
     const ncgen_partition *d = &part->velocities->of;
     const ncgen_linearisation *w = r->linearisation;
     find_change(r);
-    ncgen_partitioning_solve(r, w->change + r->n, part->column);
+    ncgen_dependent_solve(&part->dependent, w->change + r->n, part->column);
     for (int i = 0; i < r->n; ++i)
         part->bias[i] = 0;
     for (int i = 0; i < d->n_dependent; ++i)
@@ -139,7 +139,7 @@ static void velocity_change(ncgen_run *r)
     for (int i = 0; i < r->m; ++i)
         rate[i] = 0;
     add_phidd_change(r, w->dq, -1, rate);
-    ncgen_partitioning_solve(r, rate, part->column);
+    ncgen_dependent_solve(&part->dependent, rate, part->column);
     for (int i = 0; i < r->n; ++i)
         w->dqd[i] = 0;
     for (int i = 0; i < d->n_dependent; ++i)
@@ -176,7 +176,7 @@ int ncgen_partitioning_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncg
     ncgen_times_mass(r, part->mass, w->qdd, part->missing);
     for (int i = 0; i < n; ++i)
         part->missing[i] = part->force[i] - part->missing[i];
-    ncgen_partitioning_multipliers(r, part->missing, w->lam);
+    ncgen_dependent_multipliers(r, &part->dependent, part->missing, w->lam);
     if ((status = find_linearisation(r, t)) != NCGEN_OK)
         return status;
     for (int z = 0; z < nz; ++z) {

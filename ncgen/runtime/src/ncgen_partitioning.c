@@ -5,7 +5,6 @@
  * as near as the stage is accurate; its result takes their place.
  * With rolling conditions there are fewer independent velocities than positions, and two choices of them.
  */
-#include "ncgen_lu.h"
 #include "ncgen_partitioning.h"
 #include "ncgen_positive.h"
 
@@ -17,78 +16,13 @@ enum { NEWTON_LIMIT = 40 };
 /* After a Newton step from a residual below this, the next one is at rounding. */
 static const ncgen_scalar quadratic_limit = sizeof(ncgen_scalar) > 4 ? R(1.0e-7) : R(3.0e-4);
 
-/* Phi_q at (t, q), and the factors of the dependent columns of a choice over its kept rows. */
-static int factor_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_choice *choice)
-{
-    const ncgen_partition *d = &choice->of;
-    const ncgen_pattern *pattern = &r->model->phi_q_pattern;
-    ncgen_partitioning *w = r->partitioning;
-    const int size = d->n_dependent;
-    const int status = ncgen_phi_q(r, t, r->q, w->jacobian);
-    w->factored = d;
-    if (status != NCGEN_OK)
-        return status;
-    for (int i = 0; i < size; ++i) {
-        ncgen_real *row = w->lu + (size_t)i * (size_t)size;
-        ncgen_real *full = w->bias; /* n numbers that are free here */
-        for (int c = 0; c < r->n; ++c)
-            full[c] = 0;
-        for (int k = pattern->indptr[d->rows[i]]; k < pattern->indptr[d->rows[i] + 1]; ++k)
-            full[pattern->indices[k]] = w->jacobian[k];
-        for (int c = 0; c < size; ++c)
-            row[c] = full[d->dependent[c]];
-    }
-    return ncgen_lu_factor(size, w->lu, w->order, &choice->orientation);
-}
-
-/* x of A x = right over kept rows; right is indexed like the model's rows. */
-void ncgen_partitioning_solve(const ncgen_run *r, const ncgen_real *right, ncgen_real *x)
-{
-    const ncgen_partitioning *w = r->partitioning;
-    const int size = w->factored->n_dependent;
-    for (int i = 0; i < size; ++i) {
-        const ncgen_real *row = w->lu + (size_t)i * (size_t)size;
-        ncgen_real sum = right[w->factored->rows[w->order[i]]];
-        for (int c = 0; c < i; ++c)
-            sum -= row[c] * x[c];
-        x[i] = sum;
-    }
-    for (int i = size - 1; i >= 0; --i) {
-        const ncgen_real *row = w->lu + (size_t)i * (size_t)size;
-        for (int c = i + 1; c < size; ++c)
-            x[i] -= row[c] * x[c];
-        x[i] /= row[i];
-    }
-}
-
-/* lam of A' lam = right over the dependent coordinates, written to the model's rows; rows that are not kept get zero. */
-void ncgen_partitioning_multipliers(const ncgen_run *r, const ncgen_real *right, ncgen_real *lam)
-{
-    const ncgen_partitioning *w = r->partitioning;
-    const int size = w->factored->n_dependent;
-    ncgen_real *x = w->column;
-    for (int i = 0; i < size; ++i) {
-        ncgen_real sum = right[w->factored->dependent[i]];
-        for (int c = 0; c < i; ++c)
-            sum -= w->lu[(size_t)c * (size_t)size + (size_t)i] * x[c];
-        x[i] = sum / w->lu[(size_t)i * (size_t)size + (size_t)i];
-    }
-    for (int i = size - 1; i >= 0; --i)
-        for (int c = i + 1; c < size; ++c)
-            x[i] -= w->lu[(size_t)c * (size_t)size + (size_t)i] * x[c];
-    for (int i = 0; i < r->model->n_rows; ++i)
-        lam[i] = 0;
-    for (int i = 0; i < size; ++i)
-        lam[w->factored->rows[w->order[i]]] = x[i];
-}
-
 /* The correction of the dependent coordinates for the phi there is. */
 static int dense_step(ncgen_run *r, ncgen_scalar t)
 {
-    const int status = factor_jacobian(r, t, r->partitioning->positions);
+    const int status = ncgen_dependent_factor(r, &r->partitioning->dependent, t, r->partitioning->positions);
     if (status != NCGEN_OK)
         return status;
-    ncgen_partitioning_solve(r, r->partitioning->phi, r->partitioning->step);
+    ncgen_dependent_solve(&r->partitioning->dependent, r->partitioning->phi, r->partitioning->step);
     for (int i = 0; i < r->partitioning->positions->of.n_dependent; ++i)
         r->partitioning->step[i] = -r->partitioning->step[i];
     return NCGEN_OK;
@@ -99,15 +33,15 @@ static void form_basis(const ncgen_run *r, ncgen_real *R)
 {
     const ncgen_pattern *pattern = &r->model->phi_q_pattern;
     ncgen_partitioning *w = r->partitioning;
-    const ncgen_partition *d = w->factored;
+    const ncgen_partition *d = w->dependent.factored;
     for (int z = 0; z < d->n_independent; ++z) {
         for (int i = 0; i < r->model->n_rows; ++i) {
             w->lam[i] = 0;
             for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
                 if (pattern->indices[k] == d->independent[z])
-                    w->lam[i] = w->jacobian[k];
+                    w->lam[i] = w->dependent.jacobian[k];
         }
-        ncgen_partitioning_solve(r, w->lam, w->column);
+        ncgen_dependent_solve(&w->dependent, w->lam, w->column);
         ncgen_real *column = R + (size_t)z * (size_t)r->n;
         for (int i = 0; i < r->n; ++i)
             column[i] = 0;
@@ -134,7 +68,7 @@ int ncgen_partitioning_place(ncgen_run *r, ncgen_scalar t, ncgen_real *amplifica
 {
     ncgen_partitioning *w = r->partitioning;
     const ncgen_partition *d = &w->positions->of;
-    const int status = factor_jacobian(r, t, w->positions);
+    const int status = ncgen_dependent_factor(r, &w->dependent, t, w->positions);
     if (status != NCGEN_OK)
         return status;
     form_basis(r, w->place);
@@ -155,7 +89,7 @@ static int find_power(ncgen_run *r, ncgen_scalar t, const ncgen_real *qd, const 
     for (int z = 0; z < r->nz; ++z)
         for (int i = 0; i < r->n; ++i)
             w->missing[i] -= w->MR[z * r->n + i] * zdd[z];
-    ncgen_partitioning_multipliers(r, w->missing, w->lam);
+    ncgen_dependent_multipliers(r, &w->dependent, w->missing, w->lam);
     *power -= ncgen_dot(r->m, w->nu, w->lam);
     return NCGEN_OK;
 }
@@ -166,7 +100,7 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     ncgen_partitioning *w = r->partitioning;
     const ncgen_partition *d = &w->velocities->of;
     ncgen_real *qd = w->out, *zdd = w->out + r->n;
-    int status = factor_jacobian(r, t, w->velocities);
+    int status = ncgen_dependent_factor(r, &w->dependent, t, w->velocities);
     if (status != NCGEN_OK)
         return status;
     form_basis(r, w->R);
@@ -174,7 +108,7 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
         w->nu[i] = 0;
     if (r->model->nu)
         status |= r->model->nu(t, r->q, r->p, w->nu);
-    ncgen_partitioning_solve(r, w->nu, w->column);
+    ncgen_dependent_solve(&w->dependent, w->nu, w->column);
     for (int i = 0; i < r->n; ++i) {
         qd[i] = w->bias[i] = 0;
         for (int z = 0; z < r->nz; ++z)
@@ -183,7 +117,7 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     for (int i = 0; i < d->n_dependent; ++i)
         qd[d->dependent[i]] += w->column[i];
     status |= ncgen_gamma(r, t, r->q, qd, w->gamma);
-    ncgen_partitioning_solve(r, w->gamma, w->column);
+    ncgen_dependent_solve(&w->dependent, w->gamma, w->column);
     for (int i = 0; i < d->n_dependent; ++i)
         w->bias[d->dependent[i]] = w->column[i];
     if (r->model->mass)
@@ -215,7 +149,7 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
 /* Does the emitted elimination serve? Where a step is repeated, its pivots may be what is wrong. */
 static int is_emitted(const ncgen_run *r)
 {
-    return r->dynamics->acceleration && !(r->uses_exchanges && r->partitioning->lu);
+    return r->dynamics->acceleration && !(r->uses_exchanges && r->partitioning->dependent.lu);
 }
 
 /* The same as the emitted function writes it, where there is one and it did not divide by zero. */
@@ -227,7 +161,7 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
         return known;
     if (is_emitted(r)) {
         const int status = r->dynamics->acceleration(t, r->q, zd, r->p, w->out);
-        if (!w->lu || (status == NCGEN_OK && w->out[r->n + r->nz + 1] < max_amplification))
+        if (!w->dependent.lu || (status == NCGEN_OK && w->out[r->n + r->nz + 1] < max_amplification))
             return status;
     }
     r->statistics->fallbacks += r->dynamics->acceleration != NULL;
@@ -264,7 +198,7 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
         const ncgen_real size = ncgen_largest(r->m, r->partitioning->phi, r->dynamics->row_sizes);
         if (!(size < R(1.0e30)))
             return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;
-        if (!emitted || (r->partitioning->lu && !ncgen_is_finite(d->n_dependent, r->partitioning->step)))
+        if (!emitted || (r->partitioning->dependent.lu && !ncgen_is_finite(d->n_dependent, r->partitioning->step)))
             status = dense_step(r, t);
         if (status != NCGEN_OK)
             return status;
@@ -278,27 +212,22 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
     return NCGEN_NOT_CONVERGED;
 }
 
-/* Is the position beyond one where Phi_q^d of a choice is singular, perhaps on another branch? */
-static int has_turned(ncgen_choice *choice)
-{
-    if (choice->first_orientation == 0)
-        choice->first_orientation = choice->orientation;
-    return choice->orientation != choice->first_orientation;
-}
-
 /* yd at (t, y); q, qd and the accelerations stay in r->q and r->partitioning->out. */
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
-    const ncgen_partitioning *w = r->partitioning;
+    ncgen_partitioning *w = r->partitioning;
     const ncgen_partition *d = &w->positions->of;
     r->statistics->evaluations += 1;
+    w->velocities->orientation = w->positions->orientation = w->velocities->has_turned = w->positions->has_turned = 0;
     int status = ncgen_partitioning_position(r, t, y);
     if (status != NCGEN_OK)
         return status;
     status = accelerate(r, t, y);
     if (status != NCGEN_OK)
         return status;
-    if (!(w->out[r->n + r->nz + 1] < max_amplification) || has_turned(w->velocities) || has_turned(w->positions))
+    if (w->velocities->has_turned || w->positions->has_turned)
+        w->turned_at = t;
+    if (!(w->out[r->n + r->nz + 1] < max_amplification) || w->velocities->has_turned || w->positions->has_turned)
         return NCGEN_PIVOT;
     for (int i = 0; i < r->nz; ++i)
         yd[i] = w->out[r->n + i];
@@ -318,16 +247,30 @@ static int has_grown(const ncgen_run *r, ncgen_choice *choice, ncgen_real amplif
     return amplification > r->options->max_growth * choice->amplification;
 }
 
-/* NCGEN_PIVOT means that other independent coordinates may serve better from here on. */
+/* Does the run only creep up to a singular position? A stage of a longer step was beyond one, and the step up to here or what is left up to
+ * there is a small share of the longest step. */
+static int is_before_a_turn(ncgen_partitioning *w, ncgen_scalar t)
+{
+    const ncgen_scalar length = t - w->accepted, ahead = w->turned_at - t;
+    w->accepted = t;
+    w->longest = length > w->longest ? length : w->longest;
+    return ahead > 0 && (ahead < length ? ahead : length) < R(1.0e-4) * w->longest;
+}
+
+/* NCGEN_PIVOT and NCGEN_SINGULAR_AHEAD mean that other independent coordinates may serve better from here on, or have to. */
 static int accept(ncgen_run *r, ncgen_scalar t)
 {
-    const ncgen_partitioning *w = r->partitioning;
+    ncgen_partitioning *w = r->partitioning;
     int grown = has_grown(r, w->velocities, w->out[r->n + r->nz + 1]);
+    ncgen_dependent_note_start(&w->dependent, w->velocities);
     if (w->positions != w->velocities) {
         ncgen_real amplification;
         const int status = ncgen_partitioning_place(r, t, &amplification);
         grown |= status != NCGEN_OK || has_grown(r, w->positions, amplification);
+        ncgen_dependent_note_start(&w->dependent, w->positions);
     }
+    if (is_before_a_turn(w, t))
+        return NCGEN_SINGULAR_AHEAD;
     return grown ? NCGEN_PIVOT : NCGEN_OK;
 }
 
@@ -351,7 +294,7 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
         w->choices[1].of = *dynamics->positions;
         w->positions = w->choices + 1;
     }
-    w->factored = &w->velocities->of;
+    w->dependent.factored = &w->velocities->of;
     r->error_size = r->nz + w->positions->of.n_independent + 1;
     r->ny = r->error_size + w->positions->of.n_dependent;
     r->q = ncgen_take(space, n);
@@ -359,12 +302,13 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
     r->qd = w->out;
     w->step = ncgen_take(space, d + m);
     w->phi = w->step ? w->step + d : NULL;
-    w->lu = NULL;
+    w->dependent.lu = NULL;
     if (dynamics->newton && !dynamics->rows)
         return;
-    w->jacobian = ncgen_take(space, ncgen_nonzeros(&r->model->phi_q_pattern));
+    ncgen_dependent_layout(r, &w->dependent, d);
+    for (int k = 0; k < (dynamics->positions ? 2 : 1); ++k)
+        ncgen_dependent_start_layout(r, w->choices + k, k, d);
     w->mass = ncgen_take(space, ncgen_nonzeros(&r->model->mass_pattern));
-    w->lu = ncgen_take(space, d * d);
     w->R = ncgen_take(space, n * r->nz);
     w->MR = ncgen_take(space, n * r->nz);
     w->place = dynamics->positions ? ncgen_take(space, n * w->positions->of.n_independent) : w->R;
@@ -376,7 +320,6 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
     w->gamma = ncgen_take(space, m);
     w->lam = ncgen_take(space, m);
     w->column = ncgen_take(space, d);
-    w->order = r->integers;
 }
 
 void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
@@ -386,10 +329,10 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
     r->derivative = r->stage_derivative = derivative;
     r->accept = accept;
     r->state = state;
-    for (int k = 0; k < 2; ++k) {
-        w->choices[k].amplification = 0;
-        w->choices[k].orientation = w->choices[k].first_orientation = 0;
-    }
+    for (int k = 0; k < 2; ++k)
+        ncgen_dependent_begin(w->choices + k);
+    w->turned_at = w->accepted = r->times[0];
+    w->longest = 0;
     ncgen_copy(r->nz, velocities, r->y);
     for (int i = 0; i < d->n_independent; ++i)
         r->y[r->nz + i] = r->start_q[d->independent[i]];

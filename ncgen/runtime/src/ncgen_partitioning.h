@@ -2,14 +2,7 @@
 #ifndef NCGEN_PARTITIONING_H
 #define NCGEN_PARTITIONING_H
 
-#include "ncgen_state.h"
-
-/* A choice of independent coordinates in a run. */
-typedef struct ncgen_choice {
-    ncgen_partition of;
-    int orientation, first_orientation;       /* sign of the determinant of Phi_q^d, now and at the start; 0: not known */
-    ncgen_real amplification;                 /* at the start of the run */
-} ncgen_choice;
+#include "ncgen_dependent.h"
 
 /* Coordinate partitioning. */
 typedef struct ncgen_partitioning {
@@ -17,17 +10,17 @@ typedef struct ncgen_partitioning {
     ncgen_real *step, *phi;                   /* one behind the other: an emitted Newton step writes both */
     ncgen_choice choices[2];
     ncgen_choice *velocities, *positions;     /* the same one unless there are rolling conditions */
-    const ncgen_partition *factored;          /* whose Phi_q^d has been factored */
+    ncgen_dependent dependent;
+    ncgen_scalar turned_at;                   /* where a stage was beyond a singular position the last time; before the run: not yet */
+    ncgen_scalar accepted, longest;           /* the end of the last step, and the longest one so far */
     /* Where nothing is emitted, or rows are given, with d dependent and z independent coordinates: */
-    ncgen_real *jacobian, *mass;              /* nonzeros */
-    ncgen_real *lu;                           /* d x d, row by row */
+    ncgen_real *mass;                         /* nonzeros */
     ncgen_real *R, *MR;                       /* z rows of n */
     ncgen_real *place;                        /* R of the positions: a row of n for each independent one */
     ncgen_real *reduced;                      /* z x z */
     ncgen_real *bias, *force, *missing;       /* n */
     ncgen_real *nu, *gamma, *lam;             /* m */
     ncgen_real *column;                       /* d */
-    int *order;                               /* row exchanges */
 } ncgen_partitioning;
 
 /* layout deals out workspace, begin makes the first y. */
@@ -36,7 +29,5 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities);
 int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y);             /* q of the independent ones in y */
 int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd);    /* leaves factors behind */
 int ncgen_partitioning_place(ncgen_run *r, ncgen_scalar t, ncgen_real *amplification);     /* R of the positions at r->q */
-void ncgen_partitioning_solve(const ncgen_run *r, const ncgen_real *right, ncgen_real *x); /* with the factors of Phi_q^d */
-void ncgen_partitioning_multipliers(const ncgen_run *r, const ncgen_real *right, ncgen_real *lam);
 
 #endif

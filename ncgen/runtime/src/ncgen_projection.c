@@ -43,7 +43,7 @@ static int correct_exactly(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
 static int project_position(ncgen_run *r, ncgen_scalar t, int fresh)
 {
     ncgen_constrained *w = r->constrained;
-    const ncgen_scalar wanted = 100 * r->rounding;
+    const ncgen_scalar wanted = NCGEN_ROUNDINGS * r->rounding;
     ncgen_real before = 0;
     for (int k = 0; k < NCGEN_POSITION_LIMIT; ++k) {
         int status = ncgen_phi(r, t, r->q, w->residual + r->n);
@@ -104,7 +104,7 @@ int ncgen_project_along(ncgen_run *r, ncgen_scalar t, ncgen_real *steps)
         const ncgen_real size = ncgen_constrained_violation(r, w->residual + n);
         if (status != NCGEN_OK)
             return status;
-        if (size <= 100 * r->rounding || (size <= r->options->tolerance && size > R(0.1) * before))
+        if (size <= NCGEN_ROUNDINGS * r->rounding || (size <= r->options->tolerance && size > R(0.1) * before))
             return NCGEN_OK;
         if (!(size < R(1.0e30)))
             return NCGEN_NOT_CONVERGED;
@@ -131,7 +131,7 @@ static int project_velocity(ncgen_run *r, ncgen_scalar t, int exactly)
         status = r->model->nu(t, r->q, r->p, w->nu);
     if (status != NCGEN_OK)
         return status;
-    const ncgen_real size = 1 + ncgen_constrained_size(r, r->qd), enough = 100 * r->rounding * size;
+    const ncgen_real size = 1 + ncgen_constrained_size(r, r->qd), enough = NCGEN_ROUNDINGS * r->rounding * size;
     for (int k = 0;; ++k) {
         ncgen_row_velocities(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
         for (int i = 0; i < r->m; ++i)

@@ -1,4 +1,5 @@
 /* ncgen_tree_closing.c: how far the coordinates of an open tree are from satisfying its rows, link by link outward. */
+#include "ncgen_closing_rules.h"
 #include "ncgen_tree_closing.h"
 #include "ncgen_tree_loops.h"
 #include "ncgen_tree_positions.h"
@@ -125,7 +126,7 @@ static int begin_closed_form(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, n
     ncgen_copy(r->n, r->start_q, w->placed);
     for (int k = 0; k < MOST_STEPS; ++k) {
         ncgen_phi(r, t, w->placed, out + r->n);
-        if (violation_of_links(r, w, out + r->n) <= 100 * r->rounding)
+        if (violation_of_links(r, w, out + r->n) <= NCGEN_ROUNDINGS * r->rounding)
             break;
         step_by_links(r, w, t, w->placed, out);
         for (int i = 0; i < r->n; ++i)

@@ -241,7 +241,7 @@ class PartitionedMotion:
             stages.append(self._stage_at(first.partition, begin, t + node * h, y, self._present(t, t + node * h)))
         y = first.y + h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
         stages.append(self._stage_at(first.partition, begin, t + h, y, self._present(t + h, t + h)))
-        if any(stage.orientation != first.orientation for stage in stages):
+        if any(stage.frame.has_turned(first.frame) for stage in stages[1:]):
             raise SingularError(stuck_message(self.kernels, t, h))
         return stages[:-1], stages[-1]
 

@@ -12,7 +12,8 @@ from scipy.linalg import cho_factor, cho_solve
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.solver.formalisms.coordinate_partitioning import StepStart, dependent_position, motion_at
-from ncgen.solver.positions.partition import Kinematics, Partition, Partitions, kinematics
+from ncgen.solver.positions.kinematics import kinematics
+from ncgen.solver.positions.partition import Partition, Partitions
 
 TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "phidd_p", "balance_p")
 
@@ -20,7 +21,6 @@ TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "p
 class PartitionedStage:
     """The state derivative at one instant, f(y) = [z̈; ż], with what its derivative needs: that from `_linearise` on."""
 
-    frame: Kinematics
     mass: np.ndarray
     reduced: tuple[np.ndarray, bool] | None
     stiffness: np.ndarray
@@ -38,7 +38,8 @@ class PartitionedStage:
         self.y = y
         self.q, _ = dependent_position(kernels, partition, guess, t, y[nz:])
         now = motion_at(kernels, partition, t, self.q, y[:nz], p)
-        self.qd, self.qdd, self.lam, self.orientation = now.qd, now.qdd, now.lam, now.orientation
+        self.qd, self.qdd, self.lam = now.qd, now.qdd, now.lam
+        self.frame = now.frame or kinematics(kernels, partition, self.q, t, p)
         self.slope = np.concatenate([now.qdd[partition.independent], y[:nz]])
 
     @property
@@ -48,10 +49,9 @@ class PartitionedStage:
 
     def _linearise(self) -> None:
         """The factors and the tangents, when they are first needed."""
-        if hasattr(self, "frame"):
+        if hasattr(self, "mass"):
             return
         kernels, q, qd, qdd, t, p = self.kernels, self.q, self.qd, self.qdd, self.t, self.p
-        self.frame = kinematics(kernels, self.partition, q, t, p)
         self.mass = kernels.mass_matrix(q, t, p)
         R = self.frame.R
         self.reduced = cho_factor(R.T @ self.mass @ R) if self.nz else None

@@ -29,7 +29,8 @@ from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import rate_slope
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.partition import determined, kinematics
+from ncgen.solver.positions.kinematics import kinematics
+from ncgen.solver.positions.partition import determined
 from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals

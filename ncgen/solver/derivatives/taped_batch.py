@@ -26,7 +26,7 @@ from ncgen.solver.engines.acceleration_forms import all_coordinates
 from ncgen.solver.engines.capabilities import checked_compiled
 from ncgen.solver.motions.batch import INTERRUPTED
 from ncgen.solver.motions.states import CommonCoordinates, States
-from ncgen.solver.positions.partition import kinematics_of_many
+from ncgen.solver.positions.kinematics import kinematics_of_many
 from ncgen.solver.runs.run import Initial
 
 Item = TypeVar("Item")

@@ -27,7 +27,8 @@ from ncgen.solver.derivatives.jumps import Jumps
 from ncgen.solver.engines.acceleration_forms import all_coordinates
 from ncgen.solver.engines.capabilities import closeness
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.positions.partition import Kinematics, Partitions, determined, kinematics
+from ncgen.solver.positions.kinematics import Kinematics, kinematics
+from ncgen.solver.positions.partition import Partitions, determined
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals

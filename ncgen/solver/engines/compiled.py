@@ -37,6 +37,10 @@ GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
 coordinates only, and R is what their errors are multiplied by."""
 
+MOST_GROWTH = 8.0
+"""Where nothing better is found when ‖R‖², or what small pivots count, has grown by this factor once more, after smaller ones, the emitted
+order of elimination is no longer trusted."""
+
 REUSE = 0.7
 """A choice of independent coordinates made earlier in the run is taken again if its quality is this share of the best."""
 
@@ -226,12 +230,14 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             t, q, qd, work, begun = done.reached, done.last[0], done.last[1], work + done.last[2], True
             before, partitions = partitions, _better(kernels, partitions, used_partitions, q, t, p)
             path.partitions, changed = partitions, partitions is not before
-            if not (advanced or changed) and done.status in FINAL:
-                raise ConvergenceError(stuck_message(kernels, t, task.step))
+            if not changed and (done.status == "singular ahead" or (not advanced and done.status in (*FINAL, "pivot"))):
+                unsolved = done.status == "not converged" and task.step
+                raise ConvergenceError(unsolved_step(kernels.name, t, unsolved) if unsolved else stuck_message(kernels, t, task.step))
             if not (advanced or changed):
                 return reason
             path.counts[3] += changed
             growth = GROWTH if changed else GROWTH * growth  # nothing better here: look again when it is worse
+            form = form if growth <= MOST_GROWTH else "dense"
             zd = qd[partitions.velocity.independent]
             left = np.asarray(grid[len(path.q) :])
             times = np.concatenate([[t], left[left > t]])

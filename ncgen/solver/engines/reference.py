@@ -25,6 +25,7 @@ from ncgen.solver.formalisms.projection import project
 from ncgen.solver.integrators.shared_tolerance import sharing
 from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.positions.branches import refresh_branches
+from ncgen.solver.positions.kinematics import kinematics
 from ncgen.solver.positions.partition import Partitions, PartitionsAt, determined, stuck_message
 from ncgen.solver.positions.partition_watch import PartitionWatch
 from ncgen.solver.positions.rank import scaled_jacobian
@@ -255,11 +256,15 @@ class AllCoordinates(ReferenceRun):
 
 
 class Independent(ReferenceRun):
-    """y = [ż; z; W] by coordinate partitioning. start: the state from which a step solves the position problem"""
+    """y = [ż; z; W] by coordinate partitioning.
+
+    start: the state from which a step solves the position problem; frame: the kinematics there
+    orientation: that of the frame when a motion on the partitions `oriented` began
+    """
 
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
         super().__init__(path, kernels, task)
-        self.partitions = determined(path.partitions)
+        self.partitions, self.oriented, self.orientation = determined(path.partitions), None, 0
 
     def begin(self, t: float, q: np.ndarray, qd: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         rates = self.task.velocities if qd is None else qd[self.partitions.velocity.independent]
@@ -273,7 +278,9 @@ class Independent(ReferenceRun):
         return self.partitions.velocity.independent, self.partitions.position.independent
 
     def fresh(self, t: float, state: State, first_step: float | None = None) -> OdeSolver:
-        self.orientation = 0  # of these coordinates, from their first evaluation on
+        self._begin_step()
+        if self.oriented is not self.partitions:
+            self.oriented, self.orientation = self.partitions, self.frame.orientation
         return super().fresh(t, state, first_step)
 
     def derivative(self, t: float, y: np.ndarray) -> np.ndarray:
@@ -292,6 +299,7 @@ class Independent(ReferenceRun):
         self.start = StepStart(float(solver.t), q, qd, self.p)
         if solver.status == "running" and self._change_to(self.watch.better(self._here(), self.partitions)):
             return self.fresh(self.start.t, state)
+        self._begin_step()
         return solver
 
     def stuck(self, error: NcgenError, t: float, is_last: bool) -> NcgenError | None:
@@ -308,13 +316,16 @@ class Independent(ReferenceRun):
         count = len(self.partitions.velocity.independent)
         now = motion(self.kernels, self.partitions, self.start, t, y[count:-1], y[:count])
         self.newton += now.iterations
-        self.orientation = self.orientation or now.orientation
-        if now.orientation != self.orientation:
+        if now.frame and (now.frame.orientation != self.orientation or now.frame.has_turned(self.frame)):
             raise SingularError(
                 f"{self.kernels.name}: the step passed a singular position of the dependent coordinates, perhaps to another branch; "
                 "choose other independent coordinates"
             )
         return now
+
+    def _begin_step(self) -> None:
+        """What later positions of a step are compared with."""
+        self.frame = kinematics(self.kernels, self.partitions.velocity, self.start.q, self.start.t, self.p)
 
     def _here(self) -> PartitionsAt:
         """The partitions at the start of a step."""

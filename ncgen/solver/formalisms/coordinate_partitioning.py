@@ -15,8 +15,9 @@ import numpy as np
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.lapack import dposv
+from ncgen.solver.positions.kinematics import Kinematics, factor, kinematics, solve
 from ncgen.solver.positions.massless import massless
-from ncgen.solver.positions.partition import Kinematics, Partition, Partitions, factor, kinematics, solve
+from ncgen.solver.positions.partition import Partition, Partitions
 from ncgen.solver.positions.position import LIMIT, TOLERANCE
 
 
@@ -32,10 +33,8 @@ class StepStart:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Motion:
-    """Everything about one instant: positions, velocities, accelerations, multipliers, power of drivers and forces.
-
-    orientation: of the partition, see `Kinematics`; 0 where there is none
-    """
+    """Everything about one instant: positions, velocities, accelerations, multipliers, power of drivers and forces; frame: of the
+    independent velocities, None where there are none."""
 
     t: float
     q: np.ndarray
@@ -44,7 +43,7 @@ class Motion:
     lam: np.ndarray
     power: float
     iterations: int
-    orientation: int = 0
+    frame: Kinematics | None = None
 
 
 def dependent_position(kernels: Kernels, partition: Partition, start: StepStart, t: float, z: np.ndarray) -> tuple[np.ndarray, int]:
@@ -92,7 +91,7 @@ def motion_at(
     qdd = frame.R @ zdd + bias
     lam = frame.multipliers(force - mass @ qdd, kernels.m)
     power = float(kernels.energy(q, qd, t, p)[2] - nu @ lam)
-    return Motion(t=t, q=q, qd=qd, qdd=qdd, lam=lam, power=power, iterations=iterations, orientation=frame.orientation)
+    return Motion(t=t, q=q, qd=qd, qdd=qdd, lam=lam, power=power, iterations=iterations, frame=frame)
 
 
 def _independent_acceleration(kernels: Kernels, frame: Kinematics, mass: np.ndarray, force: np.ndarray, bias: np.ndarray) -> np.ndarray:

@@ -18,7 +18,8 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.instant import Baumgarte, scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
-from ncgen.solver.positions.partition import Partition, Partitions, kinematics
+from ncgen.solver.positions.kinematics import kinematics
+from ncgen.solver.positions.partition import Partition, Partitions
 
 
 def acceleration_jacobians(

@@ -16,7 +16,8 @@ from ncgen.errors import ModelError, SingularError, counted, warn
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.argument_checks import echo, listed_names, names_of, offer
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.partition import choose_partition, kinematics
+from ncgen.solver.positions.kinematics import kinematics
+from ncgen.solver.positions.partition import choose_partition
 from ncgen.solver.positions.rank import freedom, freedom_at
 from ncgen.solver.trajectories.happening import refuse_pieces
 from ncgen.solver.trajectories.trajectory import Trajectory

@@ -19,7 +19,8 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.projection import least_energy, project_velocity
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.branches import check_choices, refresh_branches
-from ncgen.solver.positions.partition import Partition, Partitions, determined, kinematics, partitions_for
+from ncgen.solver.positions.kinematics import kinematics
+from ncgen.solver.positions.partition import Partition, Partitions, determined, partitions_for
 from ncgen.solver.positions.position import check_finite, check_mirror_roots
 from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.positions.sparse_rows import DENSE
