@@ -62,17 +62,15 @@ static void divide_by_start(const ncgen_run *r, const ncgen_dependent *w, const 
     }
 }
 
-/* Is the position whose columns have been factored beyond one where they are singular, perhaps on another branch?
+/* Is the position whose columns have been factored beyond one where several singular values of them vanish at once, perhaps on another branch?
  *
- * Where one singular value passes 0, the determinant changes its sign, but where several do at once that tells nothing. With the columns A at
- * the start of the step and B here, A + s (B - A) is singular for an s between 0 and 1 where A^-1 B has a negative eigenvalue e. Those that do
- * not pass 0 are near 1, or come nearer to 0: for them 0 <= (1 - e)^2 <= 1 - e, so if the sum of the squares is larger one has passed. */
-static int has_turned(const ncgen_run *r, const ncgen_dependent *w, const ncgen_choice *choice)
+ * Where one passes 0 the determinant changes its sign, but where several do that tells nothing. With the columns A at the start of the step and
+ * B here, A + s (B - A) is singular for an s between 0 and 1 where A^-1 B has a negative eigenvalue e. Those that do not pass 0 are near 1, or
+ * come nearer to 0: for them 0 <= (1 - e)^2 <= 1 - e, so if the sum of the squares is larger one has passed. */
+int ncgen_dependent_has_passed(const ncgen_run *r, const ncgen_dependent *w, const ncgen_choice *choice)
 {
     const int size = choice->of.n_dependent;
-    if (choice->first_orientation != 0 && choice->orientation != choice->first_orientation)
-        return 1;
-    if (!choice->has_start || is_near_start(r, w, choice))
+    if (choice->orientation == 0 || !choice->has_start || is_near_start(r, w, choice))
         return 0;
     divide_by_start(r, w, choice);
     ncgen_real sum = 0, squares = 0;
@@ -100,7 +98,8 @@ void ncgen_dependent_note_start(const ncgen_dependent *w, ncgen_choice *choice)
         choice->start_order[i] = w->order[i];
 }
 
-/* Phi_q at (t, q), and the factors of the dependent columns of a choice over its kept rows. */
+/* Phi_q at (t, q), and the factors of the dependent columns of a choice over its kept rows. Where their determinant has another sign than at the
+ * start they have been singular in between. */
 int ncgen_dependent_factor(ncgen_run *r, ncgen_dependent *w, ncgen_scalar t, ncgen_choice *choice)
 {
     int status = ncgen_phi_q(r, t, r->q, w->jacobian);
@@ -112,7 +111,7 @@ int ncgen_dependent_factor(ncgen_run *r, ncgen_dependent *w, ncgen_scalar t, ncg
     status = ncgen_lu_factor(choice->of.n_dependent, w->lu, w->order, &choice->orientation);
     if (status != NCGEN_OK)
         choice->orientation = 0;
-    choice->has_turned = status == NCGEN_OK && has_turned(r, w, choice);
+    choice->has_turned = choice->orientation * choice->first_orientation < 0;
     return status;
 }
 

@@ -11,7 +11,7 @@ typedef struct ncgen_choice {
     int orientation, first_orientation;       /* sign of the determinant of Phi_q^d, now and at the start of the run; 0: not known */
     int has_start, *start_order;              /* row exchanges at the start of the step */
     ncgen_real *start_lu;                     /* factors then */
-    int has_turned;                           /* the last position is beyond a singular one */
+    int has_turned;                           /* the last orientation is not the first one */
     ncgen_real amplification;                 /* at the start of the run */
 } ncgen_choice;
 
@@ -29,6 +29,7 @@ void ncgen_dependent_start_layout(ncgen_run *r, ncgen_choice *choice, int number
 void ncgen_dependent_begin(ncgen_choice *choice);
 int ncgen_dependent_factor(ncgen_run *r, ncgen_dependent *w, ncgen_scalar t, ncgen_choice *choice); /* at r->q */
 void ncgen_dependent_note_start(const ncgen_dependent *w, ncgen_choice *choice);                   /* of the step that begins here */
+int ncgen_dependent_has_passed(const ncgen_run *r, const ncgen_dependent *w, const ncgen_choice *choice);
 void ncgen_dependent_solve(const ncgen_dependent *w, const ncgen_real *right, ncgen_real *x);
 void ncgen_dependent_multipliers(const ncgen_run *r, const ncgen_dependent *w, const ncgen_real *right, ncgen_real *lam);
 

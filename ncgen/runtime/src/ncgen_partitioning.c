@@ -239,6 +239,18 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     return NCGEN_OK;
 }
 
+/* The same at the end of a step, which has not passed a singular position. */
+static int end_derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd)
+{
+    ncgen_partitioning *w = r->partitioning;
+    const int status = derivative(r, t, y, yd);
+    (void)precise;
+    if (status != NCGEN_OK || !ncgen_dependent_has_passed(r, &w->dependent, w->velocities))
+        return status;
+    w->turned_at = t;
+    return NCGEN_PIVOT;
+}
+
 /* Has the amplification of a choice grown since the start? */
 static int has_grown(const ncgen_run *r, ncgen_choice *choice, ncgen_real amplification)
 {
@@ -327,6 +339,7 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
     ncgen_partitioning *w = r->partitioning;
     const ncgen_partition *d = &w->positions->of;
     r->derivative = r->stage_derivative = derivative;
+    r->project_state = end_derivative;
     r->accept = accept;
     r->state = state;
     for (int k = 0; k < 2; ++k)

@@ -41,8 +41,8 @@ struct ncgen_run {
     ncgen_scalar start_t;
     ncgen_real *y;
 
-    /* The formalism. project_state brings a new state onto the constraints and takes its derivative there, unless yd is NULL; accept looks at a
-     * new state whose derivative is the last evaluation; state computes q and qd of an interpolated state. */
+    /* The formalism. project_state brings a new state onto the constraints, or refuses it, and takes its derivative there, unless yd is NULL;
+     * accept looks at a new state whose derivative is the last evaluation; state computes q and qd of an interpolated state. */
     int (*derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd);
     int (*stage_derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd); /* the same, and r->q, r->qd may stay as they are */
     int (*project_state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise, ncgen_real *yd);

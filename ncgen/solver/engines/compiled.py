@@ -37,6 +37,10 @@ GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
 coordinates only, and R is what their errors are multiplied by."""
 
+LEAST_ADVANCE, MOST_CREEPS = 1e-3, 10
+"""A run that fails is begun again from where it has come to, unless it did so this often without coming farther than this share of its
+duration each time."""
+
 MOST_GROWTH = 8.0
 """Where nothing better is found when ‖R‖², or what small pivots count, has grown by this factor once more, after smaller ones, the emitted
 order of elimination is no longer trusted."""
@@ -197,7 +201,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
         q, qd, work = path.take_last()
         zd = qd[partitions.velocity.independent]
     times, movable = grid[len(path.q) :], task.movable_from(len(path.q))
-    t, progress = float(times[0]), Progress(task.progress, kernels.name, task.arrival)
+    t, creeps, progress = float(times[0]), 0, Progress(task.progress, kernels.name, task.arrival)
     try:
         while True:
             progress(t)
@@ -226,7 +230,9 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             reason = _ended(path, kernels, grid, done, work, p)
             if reason == STIFFNESS_REASON or lost:
                 return reason
-            advanced, p = done.reached > t, refresh_branches(kernels, done.last[0], p)
+            is_small = done.reached - t < LEAST_ADVANCE * (grid[-1] - grid[0])
+            creeps = creeps + 1 if is_small and done.status in FINAL else 0
+            advanced, p = done.reached > t and creeps <= MOST_CREEPS, refresh_branches(kernels, done.last[0], p)
             t, q, qd, work, begun = done.reached, done.last[0], done.last[1], work + done.last[2], True
             before, partitions = partitions, _better(kernels, partitions, used_partitions, q, t, p)
             path.partitions, changed = partitions, partitions is not before
