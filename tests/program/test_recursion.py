@@ -85,11 +85,12 @@ def test_it_takes_fewer_operations_and_is_chosen(name, most):
     assert ways["composite"] <= most and cost(chosen).total == min(ways.values()) < 0.75 * ways["all coordinates"]
 
 
-@pytest.mark.parametrize("name", ["fourbar", "nfourbar", "andrews"])
-def test_small_plane_mechanisms_keep_what_is_cheaper(name):
+@pytest.mark.parametrize(("name", "less"), [("fourbar", 0), ("nfourbar", 150), ("andrews", 150)])
+def test_small_plane_mechanisms_keep_what_is_cheaper(name, less):
+    """The recursion takes as many operations for one four-bar, of which those that look at pivots decide, and far more for others."""
     ways = {way: cost(program).total for way, program in case(name).ways.items()}
     chosen = dynamics.assemble_dynamics(*case(name).given).acceleration
-    assert cost(chosen).total == ways["all coordinates"] <= ways["composite"]
+    assert cost(chosen).total == ways["all coordinates"] <= ways["composite"] - less
 
 
 def test_articulated_and_composite_say_the_same():

@@ -1,6 +1,6 @@
 """Motions on independent coordinates end before a singular position of the mechanism, with one row through it or with many, and soon.
 
-N four-bars flatten where their N + 1 equal bars are level: their freedom is N + 1 there, and N singular values pass 0 at once.
+N four-bars flatten where their N + 1 equal bars are level: they have N + 1 degrees of freedom there, and N singular values pass 0 at once.
 """
 
 from __future__ import annotations
